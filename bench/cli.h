@@ -1,0 +1,52 @@
+/*
+ * bench/cli.h: the command line. A command is a row: name, one line, usage, function. Options are "--name value",
+ * "--name=value" or flags; unknown ones are error 1701 with the nearest known one. No environment variables.
+ */
+#ifndef BB_BENCH_CLI_H
+#define BB_BENCH_CLI_H
+
+#include "hal/status.h"
+
+enum bb_exit { BB_EXIT_OK, BB_EXIT_FAILED, BB_EXIT_USAGE, BB_EXIT_INTERNAL, BB_EXIT_DEVICE_LOST, BB_EXIT_NO_BASELINE,
+               BB_EXIT_INCONCLUSIVE, BB_EXIT_SKIPPED = 77 };
+
+struct bb_cli_option {
+	const char *name;   /* "seed" for --seed */
+	const char *value;  /* "N": takes a value of that shape; NULL: a flag */
+	const char *help;
+};
+
+struct bb_cli;
+struct bb_command {
+	const char *name, *line; /* "room check", what it does in one line */
+	const char *usage;       /* "ROOM [--json]" */
+	const struct bb_cli_option *options; /* ends with name NULL */
+	int least_args, most_args;
+	int (*run)(const struct bb_cli *cli);
+};
+
+#define BB_CLI_MAX 256
+struct bb_cli { /* what was given */
+	const struct bb_command *command;
+	int n_args;
+	const char *arg[16];
+	int n_options;
+	struct {
+		const char *name, *value; /* value NULL: a flag */
+	} option[BB_CLI_MAX];
+};
+
+bool bb_cli_has(const struct bb_cli *cli, const char *name);
+const char *bb_cli_get(const struct bb_cli *cli, const char *name, const char *fallback); /* the last one given */
+/* The i-th value of a repeatable option, NULL past the end. */
+const char *bb_cli_nth(const struct bb_cli *cli, const char *name, int i);
+BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double fallback, double least,
+                                           double most, double *out, struct bb_error *err);
+/* Prints err on standard error and returns the exit code for status. */
+int bb_cli_fail(enum bb_status status, const struct bb_error *err);
+
+/* Every command: one file bench/cmd_<name>.c each, listed in bench/main.c. */
+extern const struct bb_command bb_cmd_run, bb_cmd_room_check, bb_cmd_room_draw, bb_cmd_devices, bb_cmd_doctor,
+	bb_cmd_bench, bb_cmd_compare, bb_cmd_trade;
+
+#endif

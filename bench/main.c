@@ -1,0 +1,6 @@
+#include "hal/status.h"
+
+int main(void)
+{
+	return 0;
+}

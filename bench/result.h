@@ -1,0 +1,149 @@
+/*
+ * bench/result.h: everything a run has to say. result.json is the master; junit.xml, frames.csv, trace.json and
+ * report.html are derived from the same struct and contain nothing else. Times are clock time in ns unless named.
+ */
+#ifndef BB_BENCH_RESULT_H
+#define BB_BENCH_RESULT_H
+
+#include "bench/ledger.h"
+#include "hal/room.h"
+#include "hal/scene.h"
+
+#define BB_RESULT_SCHEMA 1
+
+#define BB_VERDICT_LIST(X)                                                                                           \
+	X(BB_PASS, "PASS")                                                                                           \
+	X(BB_MARGINAL, "MARGINAL")                                                                                   \
+	X(BB_INCONCLUSIVE, "INCONCLUSIVE")                                                                           \
+	X(BB_FAIL, "FAIL")                                                                                           \
+	X(BB_SKIP, "SKIP")
+
+enum bb_verdict {
+#define X(id, text) id,
+	BB_VERDICT_LIST(X)
+#undef X
+};
+const char *bb_verdict_text(enum bb_verdict v);
+
+struct bb_budget_result {
+	struct bb_budget budget;
+	enum bb_verdict verdict;
+	double value, uncertainty; /* of the budget's statistic */
+	struct bb_summary summary;
+	char culprit[64];          /* "camera/c3", "node/right"; "" when it holds */
+	char cause[200];           /* "node/right draw took 24.9 ms at 3.012 s (limit 8.33 ms), 20 frames"; or why skipped */
+	int64_t cause_ns;          /* scene time */
+};
+
+struct bb_stage_result {
+	enum bb_stage stage;
+	uint16_t node;             /* 0xFFFF: whole room */
+	struct bb_summary summary; /* ms */
+};
+
+struct bb_device_result {
+	char class_name[16], id[BB_ID_MAX], backend[16];
+	int fidelity;              /* BB_NOT_NEEDED: not opened, 0 events, 0 cost */
+	char health[16];           /* at the end */
+	double longest_bad_s, bad_s;
+	uint64_t events, ops;      /* counted cost */
+	char note[160];            /* identity, battery, hours, last error */
+};
+
+struct bb_incident { /* a stretch in which a device or node was not OK */
+	char culprit[64];
+	char what[160];
+	char state[16];            /* worst state reached */
+	int64_t from_ns, to_ns;    /* scene time; to = BB_NEVER: until the end */
+};
+
+struct bb_fault_result {
+	char text[160];
+	int64_t set_ns, detected_ns; /* scene time; detected BB_NEVER: nothing noticed */
+	char detected_by[64];
+};
+
+struct bb_picture_result {
+	char file[96];             /* inside the result folder */
+	char wall[BB_ID_MAX];
+	char eye[8];               /* "left", "right", "mono" */
+	double at_s;
+	uint32_t width, height;
+	double psnr_db;            /* NAN: not measured */
+	bool identical;
+	uint64_t rays, samples;
+};
+
+struct bb_counter {
+	char name[48];             /* "bytes_streamed", "bricks_loaded" ... deterministic on the virtual clock */
+	uint64_t value;
+};
+#define BB_COUNTERS_MAX 96
+
+struct bb_path_point {
+	double t_s;
+	struct bb_vec3 truth, tracked; /* eyes' midpoint; NAN where unknown */
+};
+
+struct bb_text_pair {
+	char key[48], value[256];
+};
+
+struct bb_run_result {
+	const struct bb_room *room;   /* borrowed */
+	const struct bb_scene *scene; /* borrowed */
+	struct bb_ledger *ledger;     /* owned */
+	enum bb_verdict verdict;
+	int exit_code;
+	uint64_t seed;
+	char clock[12];               /* "virtual", "posix" */
+	char event_log_sha256[65];
+	uint64_t n_events;
+	double duration_s;            /* of the scene, as run */
+	double scene_start_s;         /* clock time */
+	double wall_time_s;           /* real time spent: not part of anything gated */
+	bool truncated;               /* interrupted */
+	char summary[256];            /* one sentence for a person: the verdict and its first cause */
+
+	size_t n_budgets;
+	struct bb_budget_result *budgets;
+	size_t n_stages;
+	struct bb_stage_result *stages;
+	size_t n_devices;
+	struct bb_device_result *devices;
+	size_t n_incidents;
+	struct bb_incident *incidents;
+	size_t n_faults;
+	struct bb_fault_result *faults;
+	size_t n_pictures;
+	struct bb_picture_result *pictures;
+	size_t n_counters;
+	struct bb_counter counters[BB_COUNTERS_MAX];
+	size_t n_path;
+	struct bb_path_point *path;
+	size_t n_facts;               /* versions, hashes, cost profile, GL, build, machine */
+	struct bb_text_pair facts[48];
+};
+
+void bb_run_result_free(struct bb_run_result *r); /* NULL allowed */
+/* Adds to a counter by name, creating it at 0. */
+void bb_result_count(struct bb_run_result *r, const char *name, uint64_t add);
+BB_PRINTF(3, 4)
+void bb_result_fact(struct bb_run_result *r, const char *key, const char *fmt, ...);
+
+/* Judge every budget of room and scene by the ledger; fills r->budgets, r->verdict, r->exit_code. See bench/budget.c. */
+BB_MUST_CHECK enum bb_status bb_result_judge(struct bb_run_result *r);
+
+/* Writers. dir exists. Each file is written to a temporary name, synced and renamed. */
+BB_MUST_CHECK enum bb_status bb_result_write_json(const struct bb_run_result *r, const char *path, struct bb_error *err);
+char *bb_result_json_text(const struct bb_run_result *r); /* malloc'ed; NULL: out of memory */
+BB_MUST_CHECK enum bb_status bb_result_write_junit(const struct bb_run_result *r, const char *path, struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *path, struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_result_write_trace(const struct bb_run_result *r, const char *path, struct bb_error *err);
+/* Pictures are read from dir and embedded. */
+BB_MUST_CHECK enum bb_status bb_result_write_html(const struct bb_run_result *r, const char *dir, const char *path,
+                                                  struct bb_error *err);
+/* The verdict table for a terminal. */
+void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colour);
+
+#endif

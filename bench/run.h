@@ -1,0 +1,42 @@
+/*
+ * bench/run.h: one run = room x scene x seed, from bring-up to verdict. The steps are rig (open what the scene needs),
+ * loop (design section 5, frame by frame), judge, pictures. Everything a run depends on is in struct bb_run_options.
+ */
+#ifndef BB_BENCH_RUN_H
+#define BB_BENCH_RUN_H
+
+#include "bench/result.h"
+#include "sim/faults.h"
+
+struct bb_run_options {
+	const char *room_path, *scene_path;
+	uint64_t seed;
+	bool posix_clock;
+	const char *gl;             /* "auto", "osmesa", "egl" */
+	const char *out_dir;        /* NULL: no files, no pictures */
+	bool pictures;              /* draw the frames the scene asks for (virtual clock) */
+	bool measure_psnr;
+	const struct sim_fault *faults;
+	size_t n_faults;
+	double duration_s;          /* 0: the scene's */
+	int fidelity[BB_CLASS_COUNT]; /* override of needs; -2: as the scene says */
+	double memory_mib;          /* override; < 0: as the scene says */
+	int64_t stream_bricks;      /* override; < 0: as the scene says */
+	int64_t plant_draw_ns;      /* test of the gate: added to every draw */
+	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
+	const struct bb_log *log;
+	void (*progress)(void *ctx, double done_0_1, const char *what); /* may be NULL */
+	void *progress_ctx;
+};
+struct bb_run_options bb_run_options_default(void);
+
+struct bb_run { /* owns all that the result borrows */
+	struct bb_room *room;
+	struct bb_scene *scene;
+	struct bb_run_result *result;
+};
+/* On BB_OK *out is complete whatever the verdict; files are written when out_dir is set. */
+BB_MUST_CHECK enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, struct bb_error *err);
+void bb_run_free(struct bb_run *run);
+
+#endif

@@ -1,0 +1,177 @@
+/* hal/clock.c: both clocks share one timer heap; they differ only in how time gets to the next timer. */
+#include "hal/clock.h"
+
+#include <errno.h>
+#include <stdlib.h>
+#include <time.h>
+
+struct bb_clock {
+	bool virtual_time, stopped;
+	int64_t now_ns;          /* virtual */
+	int64_t zero_ns;         /* posix: CLOCK_MONOTONIC at creation */
+	struct bb_timer **heap;  /* least first */
+	size_t n, cap;
+	uint64_t order, steps;
+};
+
+int64_t bb_clock_stopwatch_ns(void)
+{
+	struct timespec t;
+
+	clock_gettime(CLOCK_MONOTONIC, &t);
+	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
+}
+
+static enum bb_status create(bool virtual_time, struct bb_clock **out)
+{
+	struct bb_clock *clk = calloc(1, sizeof(*clk));
+
+	*out = clk;
+	if (!clk)
+		return BB_ERR_NOMEM;
+	clk->virtual_time = virtual_time;
+	clk->zero_ns = bb_clock_stopwatch_ns();
+	return BB_OK;
+}
+
+enum bb_status bb_clock_virtual_create(struct bb_clock **out)
+{
+	return create(true, out);
+}
+
+enum bb_status bb_clock_posix_create(struct bb_clock **out)
+{
+	return create(false, out);
+}
+
+void bb_clock_destroy(struct bb_clock *clk)
+{
+	if (!clk)
+		return;
+	for (size_t i = 0; i < clk->n; i++)
+		clk->heap[i]->slot = 0;
+	free(clk->heap);
+	free(clk);
+}
+
+bool bb_clock_is_virtual(const struct bb_clock *clk)
+{
+	return clk->virtual_time;
+}
+
+int64_t bb_clock_now_ns(const struct bb_clock *clk)
+{
+	return clk->virtual_time ? clk->now_ns : bb_clock_stopwatch_ns() - clk->zero_ns;
+}
+
+uint64_t bb_clock_steps(const struct bb_clock *clk)
+{
+	return clk->steps;
+}
+
+static bool before(const struct bb_timer *a, const struct bb_timer *b)
+{
+	if (a->at_ns != b->at_ns)
+		return a->at_ns < b->at_ns;
+	if (a->rank != b->rank)
+		return a->rank < b->rank;
+	return a->order < b->order;
+}
+
+static void place(struct bb_clock *clk, size_t i, struct bb_timer *t)
+{
+	clk->heap[i] = t;
+	t->slot = i + 1;
+}
+
+static void sift(struct bb_clock *clk, size_t i, struct bb_timer *t)
+{
+	while (i > 0 && before(t, clk->heap[(i - 1) / 2])) {
+		place(clk, i, clk->heap[(i - 1) / 2]);
+		i = (i - 1) / 2;
+	}
+	for (;;) {
+		size_t child = 2 * i + 1;
+		if (child >= clk->n)
+			break;
+		if (child + 1 < clk->n && before(clk->heap[child + 1], clk->heap[child]))
+			child++;
+		if (!before(clk->heap[child], t))
+			break;
+		place(clk, i, clk->heap[child]);
+		i = child;
+	}
+	place(clk, i, t);
+}
+
+enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns)
+{
+	size_t i = timer->slot - 1;
+
+	timer->at_ns = at_ns;
+	timer->order = clk->order++;
+	if (!timer->slot) {
+		if (clk->n == clk->cap) {
+			const size_t cap = clk->cap ? 2 * clk->cap : 64;
+			struct bb_timer **heap = realloc(clk->heap, cap * sizeof(*heap));
+			if (!heap)
+				return BB_ERR_NOMEM;
+			clk->heap = heap;
+			clk->cap = cap;
+		}
+		i = clk->n++;
+	}
+	sift(clk, i, timer);
+	return BB_OK;
+}
+
+void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer)
+{
+	const size_t i = timer->slot - 1;
+
+	if (!timer->slot)
+		return;
+	timer->slot = 0;
+	struct bb_timer *last = clk->heap[--clk->n];
+	if (last != timer)
+		sift(clk, i, last);
+}
+
+void bb_clock_stop(struct bb_clock *clk)
+{
+	clk->stopped = true;
+}
+
+static void wait_until(struct bb_clock *clk, int64_t at_ns)
+{
+	const int64_t abs_ns = clk->zero_ns + at_ns;
+	const struct timespec t = { .tv_sec = abs_ns / BB_NS_PER_S, .tv_nsec = abs_ns % BB_NS_PER_S };
+
+	if (clk->virtual_time) {
+		if (at_ns > clk->now_ns)
+			clk->now_ns = at_ns;
+		return;
+	}
+	while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR && !clk->stopped)
+		;
+}
+
+void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns)
+{
+	clk->stopped = false;
+	while (!clk->stopped && clk->n && clk->heap[0]->at_ns <= end_ns) {
+		struct bb_timer *t = clk->heap[0];
+		const int64_t at_ns = t->at_ns;
+
+		if (at_ns > bb_clock_now_ns(clk))
+			wait_until(clk, at_ns);
+		bb_clock_disarm(clk, t);
+		clk->steps++;
+		const int64_t next_ns = t->step(t, at_ns, bb_clock_now_ns(clk));
+		/* The heap just shrank by one, so this cannot need memory. */
+		if (next_ns != BB_NEVER && !t->slot && bb_clock_arm(clk, t, next_ns) != BB_OK)
+			return;
+	}
+	if (!clk->stopped && end_ns > bb_clock_now_ns(clk))
+		wait_until(clk, end_ns);
+}

@@ -1,0 +1,53 @@
+/*
+ * hal/clock.h: the injected clock and its timer queue. Nothing outside hal/ reads a clock or sleeps.
+ *
+ * Time is int64_t ns on one monotonic axis that starts near 0 when the clock is created. Everything concurrent is a
+ * state machine: a timer whose step runs at (or after) its time and answers when it wants to run again. On the virtual
+ * clock running a timer moves `now` to its time exactly, so a run is a discrete-event simulation; on the posix clock
+ * the thread sleeps until then. Timers due at one time run in order of (at_ns, rank, order of arming): no pointer or
+ * hash order is ever seen. A clock and its timers belong to one thread.
+ */
+#ifndef BB_HAL_CLOCK_H
+#define BB_HAL_CLOCK_H
+
+#include "hal/rate.h"
+#include "hal/status.h"
+
+struct bb_clock;
+struct bb_timer;
+
+/* Called with the time the timer was armed for (scheduled_ns: use it for stamps) and now_ns >= scheduled_ns.
+ * Returns the next time to run, or BB_NEVER. */
+typedef int64_t (*bb_step_fn)(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+
+struct bb_timer { /* the caller's memory; embed it; zero is "not armed" */
+	bb_step_fn step;
+	int64_t at_ns;
+	uint8_t rank;      /* of equal times the lower rank runs first: 0 world, 1 devices, 2 links, 3 the loop */
+	uint64_t order;    /* private: arming order */
+	size_t slot;       /* private: 1 + index in the queue, 0 when not armed */
+};
+
+BB_MUST_CHECK enum bb_status bb_clock_virtual_create(struct bb_clock **out);
+BB_MUST_CHECK enum bb_status bb_clock_posix_create(struct bb_clock **out);
+void bb_clock_destroy(struct bb_clock *clk); /* NULL is allowed; armed timers are forgotten */
+
+bool bb_clock_is_virtual(const struct bb_clock *clk);
+int64_t bb_clock_now_ns(const struct bb_clock *clk);
+
+/* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
+BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
+void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);
+
+/* Run every timer due up to end_ns, then leave now at end_ns. Stops early when bb_clock_stop was called. */
+void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns);
+void bb_clock_stop(struct bb_clock *clk);
+
+/* How many steps ran since creation: the cost of a simulation, counted. */
+uint64_t bb_clock_steps(const struct bb_clock *clk);
+
+/* CPU-independent stopwatch for measured costs: real monotonic ns on either clock. Never used for decisions on the
+ * virtual clock. */
+int64_t bb_clock_stopwatch_ns(void);
+
+#endif

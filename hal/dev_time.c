@@ -1,0 +1,43 @@
+#include "hal/dev_time.h"
+
+int64_t bb_unwrap32(struct bb_unwrap32 *u, uint32_t ticks)
+{
+	if (!u->started) {
+		u->started = true;
+		u->total = ticks;
+	} else {
+		u->total += (int32_t)(ticks - u->last); /* modular: a wrap is an ordinary step */
+	}
+	u->last = ticks;
+	return u->total;
+}
+
+void bb_timemap_init(struct bb_timemap *m, int64_t least_latency_ns)
+{
+	*m = (struct bb_timemap){ .least_latency_ns = least_latency_ns, .uncertainty_ns = INT64_MAX };
+}
+
+void bb_timemap_add(struct bb_timemap *m, struct bb_dev_ns stamp, int64_t arrived_ns)
+{
+	const uint32_t slot = m->n % BB_TIMEMAP_WINDOW;
+	const uint32_t held = m->n < BB_TIMEMAP_WINDOW ? m->n + 1 : BB_TIMEMAP_WINDOW;
+	int64_t least = INT64_MAX, most = INT64_MIN;
+
+	m->delta_ns[slot] = arrived_ns - stamp.ns;
+	m->stamp_ns[slot] = stamp.ns;
+	m->n++;
+	for (uint32_t i = 0; i < held; i++) {
+		if (m->delta_ns[i] < least)
+			least = m->delta_ns[i];
+		if (m->delta_ns[i] > most)
+			most = m->delta_ns[i];
+	}
+	m->offset_ns = least - m->least_latency_ns;
+	/* The least of n delays that spread over `most - least` lies about (most - least) / n above the true least. */
+	m->uncertainty_ns = held > 1 ? (most - least) / held + 1 : m->least_latency_ns + 1;
+}
+
+int64_t bb_timemap_host_ns(const struct bb_timemap *m, struct bb_dev_ns stamp)
+{
+	return stamp.ns + m->offset_ns;
+}

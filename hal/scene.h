@@ -1,0 +1,65 @@
+/*
+ * hal/scene.h: a scene as the file describes it: what is shown and for how long, which devices at which fidelity.
+ * Relative paths are taken from the directory the program was started in and must not climb out of it ("..", absolute
+ * paths are error 1204) unless the caller allows it.
+ */
+#ifndef BB_HAL_SCENE_H
+#define BB_HAL_SCENE_H
+
+#include "hal/metric.h"
+#include "hal/geometry.h"
+
+#define BB_PICTURES_MAX 32
+#define BB_NOT_NEEDED (-1)
+
+enum bb_technique { BB_TECHNIQUE_VOLUME, BB_TECHNIQUE_CALIBRATION };
+enum bb_loop { BB_LOOP_REPEAT, BB_LOOP_PING_PONG, BB_LOOP_HOLD };
+
+struct bb_scene {
+	char path[BB_PATH_MAX_BYTES];
+	char name[64];
+	uint8_t sha256[32];
+	enum bb_technique technique;
+	struct { /* technique volume */
+		char file[BB_PATH_MAX_BYTES]; /* "" with generate set */
+		char generate[BB_ID_MAX];     /* "cme" */
+		int64_t edge_voxels, steps;   /* of a generated one */
+		double seconds_per_step;
+		enum bb_loop loop;
+		double width_m;               /* longest edge of the volume in the room */
+		struct bb_vec3 centre_m;      /* of the volume in the room */
+		double yaw_deg, pitch_deg, roll_deg;
+		double step_voxels;           /* sampling distance along a ray */
+	} data;
+	char transfer_function[BB_PATH_MAX_BYTES];
+	char head_path[BB_PATH_MAX_BYTES];
+	char wand_path[BB_PATH_MAX_BYTES];
+	double duration_s;
+	int needs[BB_CLASS_COUNT];            /* fidelity, or BB_NOT_NEEDED */
+	double memory_mib;                    /* of brick memory per node; 0: no limit */
+	int64_t stream_bricks_per_frame;      /* per node; 0: no limit */
+	size_t n_budgets;
+	struct bb_budget budgets[BB_BUDGETS_MAX];
+	struct {
+		size_t n_at;
+		double at_s[BB_PICTURES_MAX];
+		bool all_walls;
+		char wall[BB_ID_MAX];             /* when not all */
+		int eyes;                         /* bit 0 left, bit 1 right */
+		double scale;                     /* of the screen's pixels */
+	} pictures;
+};
+
+BB_MUST_CHECK enum bb_status bb_scene_load(const char *path, struct bb_scene **out, struct bb_error *err);
+void bb_scene_free(struct bb_scene *scene);
+
+/* A head or wand path: key poses "t_s x_m y_m z_m yaw_deg pitch_deg roll_deg" a line, sway lines
+ * "sway axis amplitude_mm hz"; positions by monotone cubics, orientation by slerp between neighbours. Pure. */
+struct bb_path;
+BB_MUST_CHECK enum bb_status bb_path_load(const char *file, struct bb_path **out, struct bb_error *err);
+void bb_path_free(struct bb_path *path);
+/* Pose of the eyes' midpoint at t (ns from scene start); before the first and after the last key: held. */
+struct bb_pose bb_path_at(const struct bb_path *path, int64_t t_ns);
+int64_t bb_path_duration_ns(const struct bb_path *path);
+
+#endif

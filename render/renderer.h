@@ -1,0 +1,46 @@
+/*
+ * render/renderer.h: draws one view of the atlas. Back ends: "gl" (GLSL on an offscreen context, OSMesa or EGL) and
+ * "reference" (double precision on the CPU, slow, full resolution: the judge).
+ *
+ * Front-to-back compositing, premultiplied; a sample every step_voxels voxels measured along the longest-edge voxel
+ * size, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
+ * the step; linear in space and time; background black. All back ends sample at the same points.
+ */
+#ifndef BB_RENDER_RENDERER_H
+#define BB_RENDER_RENDERER_H
+
+#include "render/image.h"
+#include "render/stream/stream.h"
+
+struct bb_draw {
+	const struct bb_view *view;
+	const struct bb_stream *stream; /* volume, transfer function, placement, atlas */
+	double step;                    /* time in steps */
+	double step_voxels;
+};
+
+struct bb_draw_stats {
+	uint64_t rays, samples; /* taken; 0 where the back end cannot count */
+	uint64_t upload_bytes;
+	int64_t elapsed_ns;     /* real time of drawing and reading back */
+};
+
+struct bb_renderer;
+
+/* kind: "osmesa", "egl", "auto" (osmesa, then egl). One GL kind per process. 1801: no such library on this machine. */
+BB_MUST_CHECK enum bb_status bb_renderer_gl_create(const char *kind, struct bb_renderer **out, struct bb_error *err);
+/* threads >= 1; reads the volume itself, never the atlas. */
+BB_MUST_CHECK enum bb_status bb_renderer_reference_create(unsigned threads, struct bb_renderer **out);
+void bb_renderer_destroy(struct bb_renderer *r);
+/* "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, OSMesa" */
+const char *bb_renderer_description(const struct bb_renderer *r);
+/* The image's size is the picture's size. stats may be NULL. */
+BB_MUST_CHECK enum bb_status bb_renderer_draw(struct bb_renderer *r, const struct bb_draw *draw, struct bb_image *image,
+                                              struct bb_draw_stats *stats);
+
+/* Calibration pattern of a screen for one eye (no volume, no GL): grid lines of 10 cm in the wall's plane, the screen's
+ * id, "L" in a circle or "R" in a square, and the tracked cursor (a cross) where the room point `cursor` appears. */
+BB_MUST_CHECK enum bb_status bb_calibration_draw(const struct bb_view *view, const char *screen_id, int eye_is_left,
+                                                 const struct bb_vec3 *cursor, struct bb_image *image);
+
+#endif
