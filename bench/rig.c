@@ -141,17 +141,17 @@ void bb_rig_each(const struct bb_rig *rig, bb_rig_visit visit, void *ctx)
 		      rig->shutter ? bb_shutter_device(rig->shutter) : NULL);
 	for (size_t i = 0; i < room->n_cameras; i++)
 		visit(ctx, BB_CLASS_CAMERAS, i, "camera", room->cameras[i].id, room->cameras[i].device,
-		      rig->cameras[i] ? bb_camera_device(rig->cameras[i]) : NULL);
+		      rig->cameras && rig->cameras[i] ? bb_camera_device(rig->cameras[i]) : NULL);
 	for (size_t i = 0; i < room->n_screens; i++)
 		visit(ctx, BB_CLASS_DISPLAYS, i, "display", room->screens[i].display.id, room->screens[i].display.device,
-		      rig->displays[i] ? bb_display_device(rig->displays[i]) : NULL);
+		      rig->displays && rig->displays[i] ? bb_display_device(rig->displays[i]) : NULL);
 	for (size_t i = 0; i < room->n_monitors; i++)
 		visit(ctx, BB_CLASS_MONITORS, i, "monitor", room->monitors[i].id, room->monitors[i].device,
-		      rig->monitors[i] ? bb_monitor_device(rig->monitors[i]) : NULL);
+		      rig->monitors && rig->monitors[i] ? bb_monitor_device(rig->monitors[i]) : NULL);
 	for (size_t i = 0; i < room->n_pdus; i++)
 		visit(ctx, BB_CLASS_POWER, i, "power", room->pdus[i].id, room->pdus[i].device,
-		      rig->pdus[i] ? bb_power_device(rig->pdus[i]) : NULL);
+		      rig->pdus && rig->pdus[i] ? bb_power_device(rig->pdus[i]) : NULL);
 	for (size_t i = 0; i < room->n_gamepads; i++)
 		visit(ctx, BB_CLASS_GAMEPADS, i, "gamepad", room->gamepads[i].id, room->gamepads[i].device,
-		      rig->gamepads[i] ? bb_gamepad_device(rig->gamepads[i]) : NULL);
+		      rig->gamepads && rig->gamepads[i] ? bb_gamepad_device(rig->gamepads[i]) : NULL);
 }

@@ -26,7 +26,8 @@ BB_MUST_CHECK enum bb_status bb_rig_open(struct bb_rig *rig, const struct bb_roo
                                          struct bb_error *err);
 void bb_rig_close(struct bb_rig *rig);
 
-/* Visit every device of the room in room order; dev is NULL for one that is not open. */
+/* Visit every device of the room in room order; dev is NULL for one that is not open. A rig with only its room set is
+ * one with everything closed. */
 typedef void (*bb_rig_visit)(void *ctx, enum bb_class class, size_t index, const char *class_name, const char *id,
                              const char *uri, struct bb_device *dev);
 void bb_rig_each(const struct bb_rig *rig, bb_rig_visit visit, void *ctx);

@@ -1,0 +1,163 @@
+/*
+ * bench/loop.h: the frame loop of design section 5, as state machines on the injected clock.
+ *
+ *   head.c    begins a frame at the master display's vblank: cameras -> tracker -> pose at photon time; gamepads ->
+ *             navigation; scene state to every node; swap barrier; release.
+ *   node.c    on scene state: select, stream, draw (or cost the drawing); arrive; on release: present.
+ *   frames.c  what each frame did, closed into the ledger when its last flip is known.
+ *   shutters.c, eyes of the room: edges -> phase, polarity.
+ *
+ * Head and nodes talk only through the link. Nothing here allocates after bb_loop_create. One thread.
+ */
+#ifndef BB_BENCH_LOOP_H
+#define BB_BENCH_LOOP_H
+
+#include "bench/cost.h"
+#include "bench/ledger.h"
+#include "bench/pictures.h"
+#include "bench/rig.h"
+#include "bench/run.h"
+#include "bench/watch.h"
+#include "sim/world.h"
+#include "sync/barrier.h"
+#include "sync/phase.h"
+#include "sync/track/tracker.h"
+
+#define BB_FRAMES_RING 8
+#define BB_NODES_MAX 64
+#define BB_NOBODY 0xFFFF
+
+struct bb_node_times {
+	int64_t received_ns, selected_ns, ready_ns, released_ns; /* 0: did not happen */
+};
+
+struct bb_frame {
+	uint64_t frame;
+	bool open;
+	int64_t start_ns, photon_ns;      /* begin at the head; the photon time the pose was predicted for */
+	int64_t mid_exposure_ns, readout_end_ns, arrived_ns, tracked_ns; /* of the newest camera frame used; 0: none */
+	struct bb_pose eyes;              /* predicted to photon_ns */
+	unsigned track_flags;
+	uint32_t cameras;
+	double pose_error_mm;
+	struct bb_node_times node[BB_NODES_MAX];
+	int64_t release_ns;               /* at the head */
+	unsigned last_node;               /* came last to the barrier, or not at all */
+	bool late;                        /* released after the vblank it was meant for */
+	uint64_t missing_nodes;           /* bits */
+	uint32_t n_flips, late_flips;
+	int64_t first_flip_ns, last_flip_ns;
+	uint16_t last_flip_screen, late_screen, swapped_screen;
+	bool eyes_swapped;
+	uint32_t bricks_wanted, bricks_missing, bricks_loaded;
+	uint64_t bytes;
+	unsigned view_flags;
+};
+
+struct bb_loop;
+
+struct bb_node_machine { /* one node of the room */
+	struct bb_loop *loop;
+	uint16_t index;
+	size_t n_screens;
+	uint16_t *screens;                /* indices into room->screens */
+	struct bb_profile profile;
+	struct bb_stream *stream;
+	struct bb_view *views;            /* n_screens x eyes */
+	size_t n_views;
+	struct bb_timer inbox, ready;
+	uint64_t frame;                   /* being drawn */
+	uint16_t source;                  /* in the event log */
+};
+
+struct bb_loop {
+	const struct bb_run_options *options;
+	const struct bb_room *room;
+	const struct bb_scene *scene;
+	struct bb_clock *clk;
+	struct bb_eventlog *events;
+	struct bb_rig *rig;
+	struct sim_world *world;          /* NULL without sims */
+	struct bb_ledger *ledger;
+	struct bb_run_result *result;     /* counters, facts, path */
+	struct bb_watch *watch;
+	struct bb_tracker *tracker;       /* NULL: cameras not needed */
+	struct bb_phase phase;
+	struct bb_barrier barrier;
+	struct bb_pictures *pictures;     /* NULL: none wanted */
+	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
+	const struct bb_volume *volume;
+	const struct bb_transfer *transfer;
+	bool draw_everything;             /* posix */
+	bool picture_frame;               /* this frame's pictures are wanted */
+	struct bb_image canvas;           /* posix: drawn into, grown to the largest screen at creation */
+
+	struct bb_rate frame_rate;        /* of the loop: refresh, or half of it when frame-sequential */
+	int64_t frame_ns;
+	unsigned n_eyes;
+	int master_screen;                /* -1: paced by the clock alone */
+	uint64_t drawing_nodes;           /* bits */
+	struct bb_node_machine *nodes;    /* by room node */
+
+	struct bb_timer begin, send, head_inbox, deadline;
+	int64_t scene_start_ns, end_ns;
+	uint64_t n_frames;                /* begun */
+	struct bb_frame frames[BB_FRAMES_RING];
+	uint64_t closed;                  /* frames below this are closed */
+	struct bb_pose navigation;        /* room to world */
+	double steps, next_steps;         /* time in the data */
+
+	struct bb_timemap *camera_map;    /* by camera */
+	uint32_t *camera_seq;
+	int64_t *camera_seen_ns;          /* arrival of the newest frame */
+	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
+	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
+	struct bb_pad_report *pad;        /* newest report by gamepad */
+	bool *pad_seen;
+	int64_t pad_read_ns;
+	size_t shutter_slot, polarity_slot; /* both "shutter/<chain>": phase and parity fail on their own */
+	int64_t edge_ns;                  /* newest edge of the emitter */
+	struct camera_read *reads;        /* tracking.c: frames read in this turn */
+	struct bb_blob *blobs;
+	size_t path_cap;
+	uint64_t n_torn, n_late, n_swaps;
+};
+
+BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_loop *loop, struct bb_error *err);
+void bb_loop_destroy(struct bb_loop *loop);
+/* Runs the scene from now on; returns when it is over. */
+BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_loop *loop, struct bb_error *err);
+
+/* What head and nodes say to each other, as bytes on the link (one build, one machine: native layout). */
+enum bb_message_kind { BB_MESSAGE_STATE = 0x6201, BB_MESSAGE_ARRIVE, BB_MESSAGE_RELEASE };
+struct bb_message {
+	uint32_t kind, zero;
+	uint64_t frame;
+	int64_t photon_ns;
+	struct bb_pose eyes, navigation;
+	double steps, next_steps;
+};
+
+/* Between the loop's files. */
+struct bb_frame *bb_loop_frame(struct bb_loop *l, uint64_t frame); /* NULL once closed */
+unsigned bb_loop_head(const struct bb_loop *l);
+/* A message over the link; to itself a node speaks directly. */
+void bb_loop_say(struct bb_loop *l, unsigned from, unsigned to, const struct bb_message *m);
+void bb_loop_path_point(struct bb_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
+struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *volume);
+struct bb_image *bb_loop_canvas(struct bb_loop *l, const struct bb_screen *screen);
+void bb_head_hear(struct bb_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
+void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_node_flips(struct bb_loop *l, struct bb_node_machine *n);
+void bb_shutters_read(struct bb_loop *l, int64_t now_ns);
+void bb_track_read(struct bb_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_pads_read(struct bb_loop *l, int64_t now_ns);
+void bb_frames_close(struct bb_loop *l, uint64_t before);
+
+#endif

@@ -1,0 +1,139 @@
+#include "bench/pictures.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define PICTURES_CAP 1024
+
+struct bb_pictures {
+	struct bb_pictures_config config;
+	size_t next;                       /* of scene->pictures.at_s */
+	double at_s;                       /* of the frame that is due */
+	size_t n;
+	struct bb_picture_result *taken;
+};
+
+enum bb_status bb_pictures_create(const struct bb_pictures_config *config, struct bb_pictures **out)
+{
+	struct bb_pictures *p = calloc(1, sizeof(*p));
+
+	*out = NULL;
+	if (!p)
+		return BB_ERR_NOMEM;
+	p->config = *config;
+	p->taken = calloc(PICTURES_CAP, sizeof(*p->taken));
+	if (!p->taken) {
+		free(p);
+		return BB_ERR_NOMEM;
+	}
+	*out = p;
+	return BB_OK;
+}
+
+void bb_pictures_destroy(struct bb_pictures *p)
+{
+	if (!p)
+		return;
+	free(p->taken);
+	free(p);
+}
+
+bool bb_pictures_due(struct bb_pictures *p, double scene_s)
+{
+	const struct bb_scene *s = p->config.scene;
+	bool due = false;
+
+	while (p->next < s->pictures.n_at && scene_s >= s->pictures.at_s[p->next]) {
+		p->at_s = s->pictures.at_s[p->next++];
+		due = true;
+	}
+	return due;
+}
+
+bool bb_pictures_wants(const struct bb_pictures *p, uint16_t wall)
+{
+	const struct bb_scene *s = p->config.scene;
+
+	return s->pictures.all_walls || !strcmp(s->pictures.wall, p->config.room->walls[wall].id);
+}
+
+static enum bb_status measure(struct bb_pictures *p, const struct bb_draw *draw, const struct bb_image *image,
+                              struct bb_picture_result *r)
+{
+	struct bb_image_difference d;
+	struct bb_draw full = *draw;
+	struct bb_image reference;
+	enum bb_status status = bb_image_create(image->width, image->height, &reference);
+
+	if (status != BB_OK)
+		return status;
+	full.stream = p->config.full;
+	status = bb_renderer_draw(p->config.renderer, &full, &reference, NULL);
+	if (status == BB_OK)
+		status = bb_image_compare(image, &reference, &d);
+	if (status == BB_OK && d.n_pixels) {
+		r->psnr_db = d.psnr_db;
+		r->identical = d.identical;
+	}
+	bb_image_release(&reference);
+	return status;
+}
+
+static enum bb_status paint(struct bb_pictures *p, const struct bb_view *view, const struct bb_stream *stream,
+                            double step, unsigned eye, const struct bb_vec3 *cursor, struct bb_image *image,
+                            const char *screen, struct bb_picture_result *r)
+{
+	const struct bb_draw draw = { view, stream, step, p->config.scene->data.step_voxels };
+	struct bb_draw_stats stats = { 0 };
+
+	if (!stream)
+		return bb_calibration_draw(view, screen, eye == 0, cursor, image);
+	enum bb_status status = bb_renderer_draw(p->config.renderer, &draw, image, &stats);
+	r->rays = stats.rays;
+	r->samples = stats.samples;
+	if (status == BB_OK && p->config.full)
+		status = measure(p, &draw, image, r);
+	return status;
+}
+
+enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned eye, unsigned n_eyes,
+                                const struct bb_view *view, const struct bb_stream *stream, double step,
+                                const struct bb_vec3 *cursor, struct bb_error *err)
+{
+	static const char *const eyes[] = { "left", "right", "mono" };
+	const struct bb_screen *s = &p->config.room->screens[screen];
+	const double scale = p->config.scene->pictures.scale > 0 ? p->config.scene->pictures.scale : 1;
+	const unsigned word = n_eyes == 1 ? 2 : eye;
+	struct bb_image image;
+
+	if (p->n == PICTURES_CAP || (n_eyes == 2 && !(p->config.scene->pictures.eyes >> eye & 1)))
+		return BB_OK;
+	struct bb_picture_result *r = &p->taken[p->n];
+	*r = (struct bb_picture_result){ .at_s = p->at_s, .psnr_db = NAN };
+	snprintf(r->wall, sizeof(r->wall), "%s", s->id);
+	snprintf(r->eye, sizeof(r->eye), "%s", eyes[word]);
+	snprintf(r->file, sizeof(r->file), "%s-%s-%06.2fs.png", s->id, eyes[word], p->at_s);
+	r->width = (uint32_t)fmax(1, scale * (double)s->display.width_px);
+	r->height = (uint32_t)fmax(1, scale * (double)s->display.height_px);
+	enum bb_status status = bb_image_create(r->width, r->height, &image);
+	if (status != BB_OK)
+		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", r->width, r->height);
+	status = paint(p, view, stream, step, eye, cursor, &image, s->id, r);
+	if (status == BB_OK && p->config.dir) {
+		char path[BB_PATH_MAX_BYTES];
+		snprintf(path, sizeof(path), "%s/%s", p->config.dir, r->file);
+		status = bb_image_write_png(&image, path, err);
+	}
+	bb_image_release(&image);
+	if (status == BB_OK)
+		p->n++;
+	return status;
+}
+
+size_t bb_pictures_count(const struct bb_pictures *p, const struct bb_picture_result **out)
+{
+	*out = p->taken;
+	return p->n;
+}

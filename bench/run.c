@@ -1,0 +1,313 @@
+/* bench/run.c: one run from files to verdict; owns everything the steps in between share. */
+#include "bench/run.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "bench/facility.h"
+#include "bench/loop.h"
+#include "bench/outcome.h"
+#include "hal/hash.h"
+
+#define BRING_UP_MOST_NS (120 * BB_NS_PER_S)
+#define WATCH_SETTLE_NS (BB_NS_PER_S / 2)
+
+struct bb_run_options bb_run_options_default(void)
+{
+	struct bb_run_options o = { .seed = 1, .gl = "auto", .pictures = true, .measure_psnr = true, .memory_mib = -1,
+		                    .stream_bricks = -1 };
+
+	for (int i = 0; i < BB_CLASS_COUNT; i++)
+		o.fidelity[i] = -2;
+	return o;
+}
+
+struct work { /* everything between the files and the result */
+	const struct bb_run_options *o;
+	struct bb_run *run;
+	int needs[BB_CLASS_COUNT];
+	struct bb_path *head, *wand;
+	struct bb_volume *volume;
+	struct bb_transfer transfer;
+	struct bb_stream *full;
+	struct bb_clock *clk;
+	struct bb_eventlog events;
+	struct bb_hash hash;
+	struct sim_world *world;
+	struct bb_rig rig;
+	struct bb_watch *watch;
+	struct bb_facility *facility;
+	struct bb_renderer *renderer;
+	struct bb_pictures *pictures;
+	struct bb_loop loop;
+	int64_t bring_up_ns;
+};
+
+static void hash_events(void *ctx, const struct bb_event *events, size_t n)
+{
+	bb_hash_update(ctx, events, n * sizeof(*events));
+}
+
+static void tell(const struct work *w, const char *what)
+{
+	if (w->o->progress)
+		w->o->progress(w->o->progress_ctx, 0, what);
+}
+
+/* ---- files ---- */
+
+static enum bb_status load_files(struct work *w, struct bb_error *err)
+{
+	struct bb_run *run = w->run;
+	enum bb_status status = bb_room_load(w->o->room_path, &run->room, err);
+
+	if (status == BB_OK)
+		status = bb_scene_load(w->o->scene_path, &run->scene, err);
+	if (status != BB_OK)
+		return status;
+	for (int i = 0; i < BB_CLASS_COUNT; i++) {
+		w->needs[i] = w->o->fidelity[i] == -2 ? run->scene->needs[i] : w->o->fidelity[i];
+		run->scene->needs[i] = w->needs[i]; /* budgets are judged by what was really asked for */
+	}
+	if (w->o->duration_s > 0)
+		run->scene->duration_s = w->o->duration_s;
+	if (run->scene->head_path[0])
+		status = bb_path_load(run->scene->head_path, &w->head, err);
+	if (status == BB_OK && run->scene->wand_path[0])
+		status = bb_path_load(run->scene->wand_path, &w->wand, err);
+	return status;
+}
+
+static enum bb_status load_data(struct work *w, struct bb_error *err)
+{
+	const struct bb_scene *s = w->run->scene;
+	enum bb_status status;
+
+	if (s->technique != BB_TECHNIQUE_VOLUME)
+		return BB_OK;
+	tell(w, "loading the volume");
+	if (s->data.generate[0])
+		status = bb_volume_generate(s->data.generate, (uint32_t)s->data.edge_voxels, (uint32_t)s->data.steps,
+		                            &w->volume, err);
+	else
+		status = bb_volume_load(s->data.file, BB_VOLUME_CAP_BYTES, &w->volume, err);
+	if (status == BB_OK)
+		status = bb_transfer_load(s->transfer_function, &w->transfer, err);
+	if (status != BB_OK)
+		return status;
+	const struct bb_stream_config full = { .volume = w->volume, .transfer = &w->transfer,
+		                               .placement = bb_loop_placement(s, w->volume) };
+	return bb_stream_create(&full, &w->full);
+}
+
+/* ---- the room ---- */
+
+static bool any_sim(const struct bb_room *room)
+{
+	/* Truth comes from the simulated viewer, who is only there when the cameras that see him are simulated. */
+	return room->n_cameras == 0 || strncmp(room->cameras[0].device, "sim", 3) == 0;
+}
+
+static enum bb_status open_room(struct work *w, struct bb_error *err)
+{
+	const struct bb_room *room = w->run->room;
+	enum bb_status status = w->o->posix_clock ? bb_clock_posix_create(&w->clk) : bb_clock_virtual_create(&w->clk);
+
+	if (status == BB_OK && !bb_hash_init(&w->hash))
+		status = BB_ERR_NOMEM;
+	if (status != BB_OK)
+		return bb_fail(err, status, 1702, NULL, "the clock");
+	bb_eventlog_init(&w->events, hash_events, &w->hash);
+	if (any_sim(room))
+		status = sim_world_create(room, w->head, w->wand, w->clk, &w->events, w->o->seed, &w->world);
+	if (status != BB_OK)
+		return bb_fail(err, status, 1702, NULL, "the simulated world");
+	const struct bb_open open = { .clk = w->clk, .events = &w->events, .log = w->o->log, .seed = w->o->seed,
+		                      .world = w->world };
+	status = bb_rig_open(&w->rig, room, w->needs, &open, err);
+	if (status == BB_OK)
+		status = bb_watch_create(room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
+		                                 room->n_gamepads + room->n_nodes + 4,
+		                         &w->events, WATCH_SETTLE_NS, &w->watch);
+	if (status == BB_OK)
+		status = bb_facility_create(&w->rig, w->clk, w->watch, &w->facility);
+	return status;
+}
+
+static enum bb_status bring_up(struct work *w, struct bb_error *err)
+{
+	const int64_t start_ns = bb_clock_now_ns(w->clk);
+	enum bb_status status = bb_facility_start(w->facility);
+
+	tell(w, "bring-up");
+	while (status == BB_OK && !bb_facility_ready(w->facility)) {
+		const int64_t now_ns = bb_clock_now_ns(w->clk);
+		if (now_ns - start_ns > BRING_UP_MOST_NS)
+			return bb_fail(err, BB_ERR_LOST, 1504, NULL, "bring-up did not end within %d s",
+			               (int)(BRING_UP_MOST_NS / BB_NS_PER_S));
+		bb_clock_run_until(w->clk, now_ns + BB_NS_PER_S / 10);
+	}
+	w->bring_up_ns = bb_clock_now_ns(w->clk) - start_ns;
+	return status;
+}
+
+static enum bb_status make_renderer(struct work *w, struct bb_error *err)
+{
+	const bool pictures = w->o->pictures && w->run->scene->pictures.n_at;
+	enum bb_status status = BB_OK;
+
+	if (!pictures && !w->o->posix_clock)
+		return BB_OK;
+	if (w->volume)
+		status = bb_renderer_gl_create(w->o->gl, &w->renderer, err);
+	if (status != BB_OK || !pictures)
+		return status;
+	const struct bb_pictures_config c = { .room = w->run->room, .scene = w->run->scene, .dir = w->o->out_dir,
+		                              .renderer = w->renderer,
+		                              .full = w->o->measure_psnr ? w->full : NULL };
+	return bb_pictures_create(&c, &w->pictures);
+}
+
+static enum bb_status run_scene(struct work *w, struct bb_error *err)
+{
+	struct bb_loop *l = &w->loop;
+	const struct bb_scene *scene = w->run->scene;
+
+	*l = (struct bb_loop){ .options = w->o, .room = w->run->room, .scene = scene, .clk = w->clk, .events = &w->events,
+		               .rig = &w->rig, .world = w->world, .ledger = w->run->result->ledger,
+		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
+		               .renderer = w->renderer, .volume = w->volume,
+		               .transfer = w->volume ? &w->transfer : NULL, .draw_everything = w->o->posix_clock };
+	enum bb_status status = bb_loop_create(l, err);
+	if (status == BB_OK && w->world)
+		status = sim_faults_plant(w->world, w->o->faults, w->o->n_faults, l->frame_ns, err);
+	if (status == BB_OK)
+		status = bring_up(w, err);
+	if (status == BB_OK)
+		status = bb_loop_run(l, err);
+	return status;
+}
+
+static enum bb_status create_result(struct work *w, struct bb_error *err)
+{
+	const struct bb_room *room = w->run->room;
+	struct bb_run_result *r = calloc(1, sizeof(*r));
+	double hz = 60;
+
+	w->run->result = r;
+	if (!r)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the result");
+	r->room = room;
+	r->scene = w->run->scene;
+	r->seed = w->o->seed;
+	r->duration_s = w->run->scene->duration_s;
+	snprintf(r->clock, sizeof(r->clock), "%s", w->o->posix_clock ? "posix" : "virtual");
+	if (room->n_screens)
+		hz = bb_rate_hz(room->screens[0].display.rate);
+	const enum bb_status status = bb_ledger_create((size_t)(r->duration_s * hz) + 64, room->n_nodes, &r->ledger);
+	return status == BB_OK ? BB_OK : bb_fail(err, status, 1702, NULL, "the ledger");
+}
+
+static void release(struct work *w)
+{
+	bb_loop_destroy(&w->loop);
+	bb_pictures_destroy(w->pictures);
+	bb_renderer_destroy(w->renderer);
+	bb_facility_destroy(w->facility);
+	if (w->clk)
+		bb_rig_close(&w->rig);
+	bb_watch_destroy(w->watch);
+	sim_world_destroy(w->world);
+	bb_clock_destroy(w->clk);
+	bb_stream_destroy(w->full);
+	bb_volume_free(w->volume);
+	bb_path_free(w->head);
+	bb_path_free(w->wand);
+}
+
+/* The result folder with its parents. */
+static enum bb_status make_dir(const char *dir, struct bb_error *err)
+{
+	const struct bb_where where = { dir, 0, 0 };
+	char path[BB_PATH_MAX_BYTES];
+
+	if (!dir)
+		return BB_OK;
+	snprintf(path, sizeof(path), "%s", dir);
+	for (char *p = path + 1; *p; p++)
+		if (*p == '/') {
+			*p = '\0';
+			if (mkdir(path, 0777) && errno != EEXIST)
+				return bb_fail(err, BB_ERR_IO, 1904, &where, "cannot make %s: %s", path, strerror(errno));
+			*p = '/';
+		}
+	if (!mkdir(path, 0777) || errno == EEXIST)
+		return BB_OK;
+	return bb_fail(err, BB_ERR_IO, 1904, &where, "cannot make the folder: %s", strerror(errno));
+}
+
+static void gather(struct work *w)
+{
+	const struct bb_outcome_sources s = { .options = w->o, .rig = &w->rig, .events = &w->events, .world = w->world,
+		                              .watch = w->watch, .facility = w->facility, .loop = &w->loop,
+		                              .pictures = w->pictures, .renderer = w->renderer, .volume = w->volume,
+		                              .clk = w->clk, .bring_up_ns = w->bring_up_ns };
+
+	bb_eventlog_flush(&w->events);
+	bb_hash_final_hex(&w->hash, w->run->result->event_log_sha256);
+	bb_outcome_gather(&s, w->run->result);
+}
+
+enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, struct bb_error *err)
+{
+	const int64_t started_ns = bb_clock_stopwatch_ns();
+	struct work *w = calloc(1, sizeof(*w));
+
+	*out = (struct bb_run){ 0 };
+	if (!w)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the run");
+	w->o = options;
+	w->run = out;
+	enum bb_status status = load_files(w, err);
+	if (status == BB_OK)
+		status = load_data(w, err);
+	if (status == BB_OK)
+		status = create_result(w, err);
+	if (status == BB_OK)
+		status = make_dir(options->out_dir, err);
+	if (status == BB_OK)
+		status = open_room(w, err);
+	if (status == BB_OK)
+		status = make_renderer(w, err);
+	if (status == BB_OK)
+		status = run_scene(w, err);
+	if (status == BB_OK) {
+		gather(w);
+		status = bb_result_judge(out->result);
+	} else if (w->hash.ctx) {
+		uint8_t unused[BB_HASH_BYTES];
+		bb_hash_final(&w->hash, unused);
+	}
+	if (status == BB_OK) {
+		out->result->wall_time_s = (double)(bb_clock_stopwatch_ns() - started_ns) * 1e-9;
+		tell(w, "writing the report");
+		status = bb_outcome_write(out->result, options->out_dir, err);
+	}
+	release(w);
+	free(w);
+	if (status != BB_OK)
+		bb_run_free(out);
+	return status;
+}
+
+void bb_run_free(struct bb_run *run)
+{
+	bb_run_result_free(run->result);
+	bb_scene_free(run->scene);
+	bb_room_free(run->room);
+	*run = (struct bb_run){ 0 };
+}

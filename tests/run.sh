@@ -1,0 +1,32 @@
+#!/bin/sh
+# Run test programs and scripts, one after another; print what fails, every skip with its reason, and at the end a
+# plain line "N passed, M failed, K skipped" that counts single tests (cmocka's) and scripts.
+# usage: tests/run.sh PROGRAM...
+passed=0 failed=0 skipped=0
+log=$(mktemp)
+trap 'rm -f "$log"' EXIT
+for program in "$@"; do
+	start=$(date +%s)
+	"$program" >"$log" 2>&1 </dev/null
+	code=$?
+	took=$(($(date +%s) - start))
+	ok=$(grep -c '^\[       OK \]' "$log")
+	bad=$(grep -c '^\[  FAILED  \] [a-z_0-9]*$' "$log")
+	skip=$(grep -c '^\[  SKIPPED \] [a-z_0-9]*$' "$log")
+	if grep -q '^\[==========\]' "$log"; then # a cmocka program: counts its own tests
+		grep -h '^SKIP' "$log"
+	else
+		ok=0 bad=0 skip=0
+		case $code in
+		0) ok=1 ;;
+		77) skip=1; grep -h '^SKIP' "$log" ;;
+		*) bad=1 ;;
+		esac
+	fi
+	[ "$code" = 0 ] || [ "$code" = 77 ] || [ "$bad" -gt 0 ] || bad=1
+	passed=$((passed + ok)) failed=$((failed + bad)) skipped=$((skipped + skip))
+	printf '%-42s %4d ok %3d failed %3d skipped  %3d s\n' "$(basename "$program")" "$ok" "$bad" "$skip" "$took"
+	[ "$bad" = 0 ] || tail -n 60 "$log"
+done
+echo "$passed passed, $failed failed, $skipped skipped"
+[ "$failed" = 0 ]
