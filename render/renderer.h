@@ -5,6 +5,11 @@
  * Front-to-back compositing, premultiplied; a sample every step_voxels voxels measured along the longest-edge voxel
  * size, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
  * the step; linear in space and time; background black. All back ends sample at the same points.
+ *
+ * Voxel centres lie at integers (as in bb_volume_sample) and the box reaches from -0.5 to dim - 0.5: the outer half
+ * voxel repeats the outermost centre. Rays run from the eye through the pixels' centres, (column + 0.5) / width across
+ * and (row + 0.5) / height down the screen's parallelogram. A channel c becomes floor(c * 255 + 0.5).
+ * One thread per renderer; several renderers may live side by side.
  */
 #ifndef BB_RENDER_RENDERER_H
 #define BB_RENDER_RENDERER_H
@@ -34,9 +39,15 @@ BB_MUST_CHECK enum bb_status bb_renderer_reference_create(unsigned threads, stru
 void bb_renderer_destroy(struct bb_renderer *r);
 /* "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, OSMesa" */
 const char *bb_renderer_description(const struct bb_renderer *r);
-/* The image's size is the picture's size. stats may be NULL. */
+/* The image's size is the picture's size. stats may be NULL. BB_ERR_RANGE: a step outside the volume's, a step_voxels
+ * outside 1/64..64, or a placement without size. */
 BB_MUST_CHECK enum bb_status bb_renderer_draw(struct bb_renderer *r, const struct bb_draw *draw, struct bb_image *image,
                                               struct bb_draw_stats *stats);
+/* Why the last draw failed; number 0 when it did not. */
+const struct bb_error *bb_renderer_last_error(const struct bb_renderer *r);
+/* A renderer keeps a copy of the atlas it drew last and brings it up to date by the generations of its slots. Call this
+ * before that stream is destroyed: another one could come to lie at the same address. */
+void bb_renderer_forget(struct bb_renderer *r);
 
 /* Calibration pattern of a screen for one eye (no volume, no GL): grid lines of 10 cm in the wall's plane, the screen's
  * id, "L" in a circle or "R" in a square, and the tracked cursor (a cross) where the room point `cursor` appears. */

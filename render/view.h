@@ -11,7 +11,8 @@
 
 enum bb_view_flags {
 	BB_VIEW_CLAMPED = 1, /* the eye was nearer than 5 cm to the wall's plane, or behind it: moved to 5 cm in front */
-	BB_VIEW_HELD = 2     /* the eye was not finite: the fallback eye was used */
+	BB_VIEW_HELD = 2,    /* the eye was not finite: the fallback eye was used */
+	BB_VIEW_DEGENERATE = 4 /* the corners span no area or are not finite: a square of 1 m stands in for them */
 };
 
 struct bb_view {
@@ -28,7 +29,10 @@ struct bb_view bb_view_make(const struct bb_corners *corners, struct bb_vec3 eye
                             double far_m);
 /* The two eyes of a head: midpoint -+ half the separation along the head's own x axis. */
 void bb_view_eyes(const struct bb_pose *eyes_midpoint, double separation_m, struct bb_vec3 *left, struct bb_vec3 *right);
-/* Room point to normalised device coordinates (x, y, z) and w. */
+/* Room point to normalised device coordinates (x, y, z) and w, the distance in front of the eye (m). x and y are -1 and
+ * 1 at the corners to 1e-12. A point in the eye's own plane has no image: w is 0 and ndc is all 0. */
 void bb_view_project(const struct bb_view *v, struct bb_vec3 p, double ndc[3], double *w);
+/* The same in float: only what is relative to the eye is rounded, so that it is good to 1e-5 anywhere in a room. */
+void bb_view_project_float(const struct bb_view *v, struct bb_vec3 p, float ndc[3], float *w);
 
 #endif

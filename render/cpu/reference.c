@@ -1,0 +1,140 @@
+/*
+ * render/cpu/reference.c: the judge: double precision, full resolution, straight from the volume, one sample after the
+ * other and nothing clever. Rows are dealt to threads by number and a pixel depends on nothing but its own ray, so the
+ * picture and the counts are the same for any number of threads.
+ */
+#include <math.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "render/renderer_driver.h"
+
+#define THREADS_MOST 64
+#define OPAQUE 1e-6 /* transmittance below which nothing behind can be seen: 1/4000 of a grey level */
+
+struct reference {
+	struct bb_renderer base;
+	unsigned threads;
+};
+
+struct share { /* of one thread */
+	pthread_t thread;
+	bool started;
+	const struct bb_draw *draw;
+	const struct bb_rays *rays;
+	struct bb_image *image;
+	uint32_t first_row, row_stride;
+	uint64_t n_rays, n_samples;
+};
+
+static uint8_t quantise(double c)
+{
+	const double level = floor(c * 255 + 0.5);
+
+	return level <= 0 ? 0 : level >= 255 ? 255 : (uint8_t)level;
+}
+
+/* Adds one sample behind what is there; sum is premultiplied. */
+static void add_sample(const struct share *sh, const double at[3], double sum[4])
+{
+	const struct bb_stream_config *config = bb_stream_config(sh->draw->stream);
+	double rgba[4];
+
+	bb_transfer_at(config->transfer, bb_volume_sample(config->volume, at, sh->rays->time), rgba);
+	if (rgba[3] <= 0)
+		return;
+	const double opacity = bb_transfer_opacity_for_step(rgba[3], sh->draw->step_voxels);
+	const double weight = (1 - sum[3]) * opacity;
+
+	for (int c = 0; c < 3; c++)
+		sum[c] += weight * rgba[c];
+	sum[3] += weight;
+}
+
+static void draw_pixel(struct share *sh, uint32_t column, uint32_t row)
+{
+	const struct bb_ray ray = bb_rays_at(sh->rays, column, row);
+	uint8_t *px = sh->image->rgba + ((size_t)row * sh->image->width + column) * 4;
+	double sum[4] = { 0 };
+	uint32_t i;
+
+	for (i = 0; i < ray.n && 1 - sum[3] >= OPAQUE; i++) {
+		const double at[3] = { ray.first.x + i * ray.stride.x, ray.first.y + i * ray.stride.y,
+			               ray.first.z + i * ray.stride.z };
+		add_sample(sh, at, sum);
+	}
+	sh->n_rays += ray.n > 0;
+	sh->n_samples += i;
+	for (int c = 0; c < 4; c++)
+		px[c] = quantise(sum[c]);
+}
+
+static void *draw_share(void *arg)
+{
+	struct share *sh = arg;
+
+	for (uint32_t row = sh->first_row; row < sh->image->height; row += sh->row_stride)
+		for (uint32_t column = 0; column < sh->image->width; column++)
+			draw_pixel(sh, column, row);
+	return NULL;
+}
+
+static enum bb_status reference_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
+                                     struct bb_image *image, struct bb_draw_stats *stats)
+{
+	const struct reference *ref = bb_container_of(r, struct reference, base);
+	struct share shares[THREADS_MOST];
+
+	for (unsigned t = 0; t < ref->threads; t++) {
+		shares[t] = (struct share){ .draw = draw,
+			                    .rays = rays,
+			                    .image = image,
+			                    .first_row = t,
+			                    .row_stride = ref->threads };
+		/* The last share is the caller's own; so is one whose thread the system refuses. */
+		if (t + 1 < ref->threads)
+			shares[t].started = pthread_create(&shares[t].thread, NULL, draw_share, &shares[t]) == 0;
+		if (!shares[t].started)
+			draw_share(&shares[t]);
+	}
+	for (unsigned t = 0; t < ref->threads; t++) {
+		if (shares[t].started)
+			pthread_join(shares[t].thread, NULL);
+		stats->rays += shares[t].n_rays;
+		stats->samples += shares[t].n_samples;
+	}
+	return BB_OK;
+}
+
+static void reference_forget(struct bb_renderer *r)
+{
+	(void)r; /* it keeps nothing */
+}
+
+static void reference_destroy(struct bb_renderer *r)
+{
+	free(bb_container_of(r, struct reference, base));
+}
+
+static const struct bb_renderer_ops reference_ops = {
+	.draw = reference_draw,
+	.forget = reference_forget,
+	.destroy = reference_destroy,
+};
+
+enum bb_status bb_renderer_reference_create(unsigned threads, struct bb_renderer **out)
+{
+	*out = NULL;
+	if (!threads || threads > THREADS_MOST)
+		return BB_ERR_RANGE;
+	struct reference *ref = calloc(1, sizeof(*ref));
+	if (!ref)
+		return BB_ERR_NOMEM;
+	ref->base.ops = &reference_ops;
+	ref->threads = threads;
+	snprintf(ref->base.description, sizeof(ref->base.description), "reference, double precision, %u thread%s", threads,
+	         threads == 1 ? "" : "s");
+	*out = &ref->base;
+	return BB_OK;
+}

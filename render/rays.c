@@ -1,0 +1,78 @@
+/*
+ * render/rays.c: where the rays of a picture run through the volume, and where on them the samples lie. Pure, double.
+ * The GLSL caster repeats bb_rays_at in float: a change here is a change in gl/cast_glsl.h.
+ */
+#include <math.h>
+
+#include "render/renderer_driver.h"
+
+#define LEAST_STEP_VOXELS (1.0 / 64)
+#define MOST_STEP_VOXELS 64.0
+#define PARALLEL_M 1e-12 /* a direction component below this meets its two planes infinitely far away */
+
+static bool positive(double x)
+{
+	return x > 0 && x < 1e6;
+}
+
+enum bb_status bb_rays_make(const struct bb_draw *draw, uint32_t width, uint32_t height, struct bb_rays *out)
+{
+	const struct bb_stream_config *config = bb_stream_config(draw->stream);
+	const struct bb_volume *volume = config->volume;
+	const struct bb_vec3 size_m = config->placement.size_m;
+	const struct bb_quat to_volume = bb_quat_conj(bb_quat_unit(config->placement.pose.q));
+	const struct bb_corners *c = &draw->view->corners;
+	const struct bb_vec3 eye = draw->view->eye;
+
+	if (!positive(size_m.x) || !positive(size_m.y) || !positive(size_m.z) || !volume->n_steps)
+		return BB_ERR_RANGE;
+	if (!(draw->step_voxels >= LEAST_STEP_VOXELS && draw->step_voxels <= MOST_STEP_VOXELS))
+		return BB_ERR_RANGE;
+	if (!(draw->step >= 0 && draw->step <= volume->n_steps - 1))
+		return BB_ERR_RANGE;
+	*out = (struct bb_rays){ .time = draw->step, .width = width, .height = height };
+	out->eye_m = bb_quat_rotate(to_volume, bb_vec3_sub(eye, config->placement.pose.p));
+	out->corner_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->upper_left, eye));
+	out->across_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->lower_right, c->lower_left));
+	out->down_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->lower_left, c->upper_left));
+	out->dim = (struct bb_vec3){ volume->dim[0], volume->dim[1], volume->dim[2] };
+	out->voxels_per_m = (struct bb_vec3){ out->dim.x / size_m.x, out->dim.y / size_m.y, out->dim.z / size_m.z };
+	/* The voxel's longest edge is the unit of a step. */
+	out->step_m = draw->step_voxels /
+	              fmin(out->voxels_per_m.x, fmin(out->voxels_per_m.y, out->voxels_per_m.z));
+	return BB_OK;
+}
+
+/* Narrow [*enter, *leave] to where the ray is between two planes at +-half_m. */
+static void clip_slab(double from_m, double direction, double half_m, double *enter, double *leave)
+{
+	const double d = fabs(direction) < PARALLEL_M ? copysign(PARALLEL_M, direction) : direction;
+	const double a = (-half_m - from_m) / d, b = (half_m - from_m) / d;
+
+	*enter = fmax(*enter, fmin(a, b));
+	*leave = fmin(*leave, fmax(a, b));
+}
+
+struct bb_ray bb_rays_at(const struct bb_rays *rays, uint32_t column, uint32_t row)
+{
+	const struct bb_vec3 k = rays->voxels_per_m, e = rays->eye_m;
+	const struct bb_vec3 to = bb_vec3_add(bb_vec3_add(rays->corner_m,
+	                                                  bb_vec3_scale(rays->across_m, (column + 0.5) / rays->width)),
+	                                      bb_vec3_scale(rays->down_m, (row + 0.5) / rays->height));
+	const struct bb_vec3 d = bb_vec3_unit(to, (struct bb_vec3){ 0, 0, -1 });
+	struct bb_ray ray = { .n = 0 };
+	double enter = 0, leave = INFINITY;
+
+	clip_slab(e.x, d.x, rays->dim.x / k.x / 2, &enter, &leave);
+	clip_slab(e.y, d.y, rays->dim.y / k.y / 2, &enter, &leave);
+	clip_slab(e.z, d.z, rays->dim.z / k.z / 2, &enter, &leave);
+	if (!(leave > enter))
+		return ray;
+	const struct bb_vec3 at = bb_vec3_add(e, bb_vec3_scale(d, enter + 0.5 * rays->step_m));
+
+	ray.n = (uint32_t)fmin(ceil((leave - enter) / rays->step_m - 0.5), 1e9);
+	ray.first = (struct bb_vec3){ at.x * k.x + rays->dim.x / 2 - 0.5, at.y * k.y + rays->dim.y / 2 - 0.5,
+		                      at.z * k.z + rays->dim.z / 2 - 0.5 };
+	ray.stride = (struct bb_vec3){ d.x * k.x * rays->step_m, d.y * k.y * rays->step_m, d.z * k.z * rays->step_m };
+	return ray;
+}
