@@ -7,14 +7,13 @@
 
 #define SRGB { { 0.640, 0.330 }, { 0.300, 0.600 }, { 0.150, 0.060 }, { 0.3125, 0.3291 } }
 #define DIGITAL_8BIT_DP 0xA5
-#define DIGITAL_8BIT_HDMI 0xA2
 
 static const struct sim_edid_model models[] = {
 	/* The Reality Deck's monitor: identity and primaries as real ones report them. */
 	{ "S27A850D", "SMS27A850", "SAM", 0x083C, 2560, 1440, 60, 518, 324, DIGITAL_8BIT_DP, true, 2013, 300,
 	  { { 0.6503, 0.3369 }, { 0.2958, 0.6044 }, { 0.1474, 0.0742 }, { 0.3125, 0.3291 } } },
 	/* Ours, maker "BBT": a node's operator screen, and one that can do 120 Hz stereo. */
-	{ "desk24", "BBURST-24", "BBT", 0x0018, 1920, 1200, 60, 518, 324, DIGITAL_8BIT_HDMI, true, 2024, 300, SRGB },
+	{ "desk24", "BBURST-24", "BBT", 0x0018, 1920, 1200, 60, 518, 324, DIGITAL_8BIT_DP, true, 2024, 300, SRGB },
 	{ "stereo27", "BBURST-3D", "BBT", 0x003D, 1920, 1080, 120, 598, 336, DIGITAL_8BIT_DP, false, 2024, 250, SRGB },
 	{ "generic", "BBURST-SIM", "BBT", 0x0001, 1920, 1080, 60, 531, 299, DIGITAL_8BIT_DP, false, 2024, 250, SRGB },
 };
@@ -182,6 +181,16 @@ static void put_identity(uint8_t *b, const struct sim_edid_spec *spec)
 	b[19] = 4;
 }
 
+static bool is_srgb(const struct sim_edid_model *m)
+{
+	static const double srgb[4][2] = SRGB;
+
+	for (int i = 0; i < 8; i++)
+		if (fabs(m->chroma[i / 2][i % 2] - srgb[i / 2][i % 2]) > 1e-6)
+			return false;
+	return true;
+}
+
 static void put_base(uint8_t *b, const struct sim_edid_spec *spec, const struct sim_timing *t)
 {
 	char text[16];
@@ -191,7 +200,7 @@ static void put_base(uint8_t *b, const struct sim_edid_spec *spec, const struct 
 	b[21] = (uint8_t)((spec->model->width_mm + 5) / 10);
 	b[22] = (uint8_t)((spec->model->height_mm + 5) / 10);
 	b[23] = 120;  /* gamma 2.2 */
-	b[24] = 0x06; /* sRGB is the default, the first timing is native */
+	b[24] = is_srgb(spec->model) ? 0x06 : 0x02; /* default colours are sRGB; the first timing is native */
 	put_chroma(b + 25, spec->model->chroma);
 	memset(b + 38, 0x01, 16);
 	put_dtd(b + 54, t, spec);
@@ -203,24 +212,17 @@ static void put_base(uint8_t *b, const struct sim_edid_spec *spec, const struct 
 	seal(b);
 }
 
-/* CTA-861: 1080p60 and 720p60 by code, HDMI's own block on HDMI inputs, no audio, no further timings. */
-static void put_cta(uint8_t *b, const struct sim_edid_model *m)
+/* CTA-861: 1080p60, 720p60 and 480p60 by code, RGB range selectable, no overscan. (HDMI inputs want EDID 1.3.) */
+static void put_cta(uint8_t *b)
 {
-	static const uint8_t video[] = { 0x42, 16, 4 };
-	static const uint8_t hdmi[] = { 0x65, 0x03, 0x0C, 0x00, 0x10, 0x00 };
-	size_t n = 4;
+	static const uint8_t blocks[] = { 0x43, 16, 4, 1, 0xE2, 0x00, 0x4A };
 
 	memset(b, 0, 128);
 	b[0] = 0x02;
 	b[1] = 0x03;
+	b[2] = 4 + sizeof(blocks);
 	b[3] = 0x80; /* underscans IT formats */
-	memcpy(b + n, video, sizeof(video));
-	n += sizeof(video);
-	if (m->input == DIGITAL_8BIT_HDMI) {
-		memcpy(b + n, hdmi, sizeof(hdmi));
-		n += sizeof(hdmi);
-	}
-	b[2] = (uint8_t)n;
+	memcpy(b + 4, blocks, sizeof(blocks));
 	seal(b);
 }
 
@@ -236,7 +238,7 @@ enum bb_status sim_edid_make(const struct sim_edid_spec *spec, uint8_t out[SIM_E
 	put_base(out, spec, &t);
 	*n_out = 128;
 	if (spec->model->cta) {
-		put_cta(out + 128, spec->model);
+		put_cta(out + 128);
 		*n_out = 256;
 	}
 	return BB_OK;
