@@ -48,6 +48,8 @@ void bb_power_close(struct bb_power *p);
 const struct bb_power_limits *bb_power_limits(const struct bb_power *p);
 /* index counts config.outlet. BB_ERR_REFUSED when a safety time has not passed (last_error says how long to wait). */
 BB_MUST_CHECK enum bb_status bb_power_set(struct bb_power *p, size_t index, bool on);
+/* How long until bb_power_set(p, index, on) would not be refused, ns; 0: now. */
+int64_t bb_power_wait_ns(const struct bb_power *p, size_t index, bool on);
 BB_MUST_CHECK enum bb_status bb_power_read(struct bb_power *p, size_t index, struct bb_outlet_state *out);
 struct bb_device *bb_power_device(struct bb_power *p);
 

@@ -11,13 +11,16 @@ struct bb_power {
 	struct bb_power_config config;
 	struct bb_power_limits limits;
 	struct bb_power_guard { /* kept by hal/power.c */
-		bool on;
+		bool on;                 /* commanded, or found by reading back */
+		bool sure;               /* the device acknowledged the last command */
 		bool switched;           /* at_ns is meaningful */
-		int64_t at_ns;
-		int64_t cycle_ns[8];     /* the last switch-ons */
-		size_t n_cycles;
+		int64_t at_ns;           /* last change of `on` */
+		bool before_switched;    /* the same before the last command, should it prove lost */
+		int64_t before_ns;
+		int64_t cycle_ns[8];     /* the last switch-ons, a ring */
+		size_t n_cycles;         /* switch-ons in all */
 	} guard[BB_OUTLETS_MAX];
-	int64_t last_on_ns;          /* of any outlet: stagger */
+	int64_t last_on_ns;          /* of any outlet, when any_on: stagger */
 	bool any_on;
 };
 
