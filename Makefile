@@ -17,6 +17,7 @@ PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g
+REVISION := $(shell git describe --always --dirty 2>/dev/null || echo unknown)
 ALL_CFLAGS = -std=gnu11 $(OPT) $(WARN) $(WERROR) -I. -D_FORTIFY_SOURCE=2 -fstack-protector-strong -fno-math-errno \
              -ffp-contract=off $(if $(SAN),-fsanitize=$(SAN) -fno-sanitize-recover=all -fno-omit-frame-pointer -U_FORTIFY_SOURCE) \
              $(shell pkg-config --cflags $(PKGS) 2>/dev/null) $(CFLAGS)
@@ -30,6 +31,14 @@ TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contr
 OBJ      = $(SRC:%.c=$B/%.o)
 
 all: $(PROGRAM)
+
+# The revision stands in two files only; they are rebuilt when it changes.
+$B/bench/main.o $B/bench/outcome.o: ALL_CFLAGS += -DBB_REVISION='"$(REVISION)"'
+$B/bench/main.o $B/bench/outcome.o: $B/revision
+$B/revision: force
+	@mkdir -p $(@D)
+	@echo "$(REVISION)" | cmp -s - $@ || echo "$(REVISION)" >$@
+force:
 
 $(PROGRAM): $B/bench/main.o $B/libblackburst.a
 	$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
@@ -51,6 +60,62 @@ t-%:
 	@$(MAKE) --no-print-directory $B/tests/$(notdir $(basename $(firstword $(wildcard tests/test_$*.c tests/contract_$*.c))))
 	@$B/tests/$(notdir $(basename $(firstword $(wildcard tests/test_$*.c tests/contract_$*.c))))
 
-.PHONY: all
+# ---- what a newcomer runs ----
+
+deps:
+	@tests/deps.sh
+
+# One unpacked file of a Debian package, never installed; without it the scene is the generated one.
+data:
+	@mkdir -p build
+	@tests/fetch-data.sh
+
+SCENE ?= $(if $(wildcard build/data/example4d.nii.gz),scenes/epi.yaml,scenes/cme.yaml)
+run:
+	@$(MAKE) --no-print-directory deps
+	@$(MAKE) --no-print-directory data
+	@$(MAKE) --no-print-directory -j$(shell nproc) all
+	@$(MAKE) --no-print-directory run-room
+
+run-room:
+	build/blackburst run rooms/cabin.yaml $(SCENE) --seed 7
+
+# ---- tests ----
+
+SCRIPTS := tests/test-check-layers.sh
+
+check:
+	@$(MAKE) --no-print-directory deps
+	@$(MAKE) --no-print-directory data
+	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
+	@BB_PROGRAM=$(PROGRAM) tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
+
+tests: $(TESTS)
+
+# Every header compiles on its own.
+hdr-check: $(HDR:%.h=$B/%.hco)
+$B/%.hco: %.h
+	@mkdir -p $(@D)
+	@$(CC) $(ALL_CFLAGS) -fsyntax-only -include $< -x c /dev/null && touch $@
+
+layer-check:
+	@tests/check-layers.sh
+
+lint:
+	@tests/lint.sh
+
+bench: all
+	build/blackburst bench --out build/bench.json
+
+format:
+	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
+
+clean:
+	rm -rf build
+
+help:
+	@sed -n '2,6p' Makefile | cut -c3-
+
+.PHONY: all deps data run run-room check tests hdr-check layer-check lint bench format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d)

@@ -36,6 +36,7 @@ static unsigned metric_blame(enum bb_metric metric)
 {
 	switch (metric) {
 	case BB_METRIC_FRAME:
+	case BB_METRIC_LATE_FRAMES:
 	case BB_METRIC_STREAM:
 	case BB_METRIC_PSNR:
 		return AT_NODE;
@@ -50,6 +51,7 @@ static unsigned metric_blame(enum bb_metric metric)
 	case BB_METRIC_CROSSTALK:
 		return AT_SHUTTER | AT_DISPLAY | AT_NODE;
 	case BB_METRIC_POSE_ERROR:
+	case BB_METRIC_POSE_ANGLE:
 	case BB_METRIC_PHOTON_ERROR:
 	case BB_METRIC_TRACKED:
 		return AT_CAMERA | AT_NODE | AT_LINK;

@@ -242,12 +242,12 @@ static enum bb_status make_dir(const char *dir, struct bb_error *err)
 		if (*p == '/') {
 			*p = '\0';
 			if (mkdir(path, 0777) && errno != EEXIST)
-				return bb_fail(err, BB_ERR_IO, 1904, &where, "cannot make %s: %s", path, strerror(errno));
+				return bb_fail(err, BB_ERR_IO, 1905, &where, "cannot make %s: %s", path, strerror(errno));
 			*p = '/';
 		}
 	if (!mkdir(path, 0777) || errno == EEXIST)
 		return BB_OK;
-	return bb_fail(err, BB_ERR_IO, 1904, &where, "cannot make the folder: %s", strerror(errno));
+	return bb_fail(err, BB_ERR_IO, 1905, &where, "cannot make the folder: %s", strerror(errno));
 }
 
 static void gather(struct work *w)
