@@ -13,6 +13,7 @@
 #define SIM_FAULTS_MAX 4096
 
 struct sim_fault_args {
+	const struct bb_where *where; /* set while arguments are checked, for messages; else NULL */
 	size_t n;
 	struct {
 		char key[24];
@@ -22,10 +23,14 @@ struct sim_fault_args {
 /* The value of a key, or NULL; the number of a key, or fallback (false when it is there and is no finite number). */
 const char *sim_fault_arg(const struct sim_fault_args *args, const char *key);
 bool sim_fault_number(const struct sim_fault_args *args, const char *key, double fallback, double *out);
+/* The same with a range and error 1605; a NAN fallback: the key must be given. */
+BB_MUST_CHECK enum bb_status sim_fault_range(const struct sim_fault_args *args, const char *key, double fallback,
+                                             double least, double most, double *out, struct bb_error *err);
 
 struct sim_verb { /* a table ends with name == NULL */
 	const char *name;
-	const char *args;    /* "stage=ID us=N", "" */
+	const char *args;    /* "stage=ID us=N", ""; =N takes a number; [..] around what may be left out. The keys
+	                        stage and node are checked against the room when planted. */
 	const char *meaning;
 	const char *example; /* of the arguments, for the test that plants every verb */
 	/* on: set the fault; !on: it is over. BB_ERR_CONFIG with detail for bad arguments (checked before the run by a
@@ -55,6 +60,12 @@ BB_MUST_CHECK enum bb_status sim_fault_file(const char *path, struct sim_fault *
 BB_MUST_CHECK enum bb_status sim_faults_plant(struct sim_world *w, const struct sim_fault *faults, size_t n,
                                               int64_t frame_ns, struct bb_error *err);
 BB_MUST_CHECK enum bb_status sim_faults_start(struct sim_world *w); /* scene start is known */
+/* What became of fault i: clock times (BB_NEVER: not yet) and whether its device took it. false past the end. */
+struct sim_fault_state {
+	int64_t set_ns, cleared_ns;
+	enum bb_status status;
+};
+bool sim_fault_state(const struct sim_world *w, size_t i, struct sim_fault_state *out);
 /* Row i of all verbs of all classes, for --list-faults; class_out its class; NULL past the end. */
 const struct sim_verb *sim_fault_verb(size_t i, const char **class_out);
 

@@ -25,6 +25,8 @@ int64_t sim_world_scene_start(const struct sim_world *w);
 
 /* Truth. Pose of the eyes' midpoint; pose of a body's own space; positions of all markers of all present bodies. */
 struct bb_pose sim_world_head(const struct sim_world *w, int64_t at_ns);
+/* For tests: the head's pose from a function of scene time instead of a path. NULL: the path again. */
+void sim_world_set_head_fn(struct sim_world *w, struct bb_pose (*head)(void *ctx, int64_t t_ns), void *ctx);
 struct bb_pose sim_world_body(const struct sim_world *w, size_t body, int64_t at_ns);
 size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec3 *out, size_t cap);
 /* Does the straight line from a camera to a marker miss the viewer's head and torso? */
@@ -34,6 +36,14 @@ bool sim_world_visible(const struct sim_world *w, struct bb_vec3 camera, struct 
  * after a time. Genlocked displays and cameras with sync follow it. Without a chain it runs at the displays' rate. */
 int64_t sim_world_sync_ns(const struct sim_world *w, int64_t n);
 int64_t sim_world_sync_after(const struct sim_world *w, int64_t at_ns);
+/* The generator as a time base for any rate locked to it: instant k of that rate, and the first k >= 0 at or after a
+ * time. Instants of rates that divide each other coincide. */
+int64_t sim_world_reference_ns(const struct sim_world *w, struct bb_rate rate, int64_t k);
+int64_t sim_world_reference_after(const struct sim_world *w, struct bb_rate rate, int64_t at_ns);
+struct bb_rate sim_world_sync_rate(const struct sim_world *w);
+/* From this time on the generator runs this much faster than nominal (sim_shutter: URI option, fault `rate`). */
+int64_t sim_world_sync_error_ppb(const struct sim_world *w);
+BB_MUST_CHECK enum bb_status sim_world_set_sync_error(struct sim_world *w, int64_t from_ns, int64_t ppb);
 
 /* Mains: an outlet "pdu1/2" feeds whatever names it; sim_power tells, sim_monitor asks. Unknown names are fed. */
 void sim_world_set_fed(struct sim_world *w, const char *outlet, bool fed);
@@ -41,6 +51,8 @@ bool sim_world_fed(const struct sim_world *w, const char *outlet);
 
 /* How long a node's image is delayed at this moment by faults, ns (the loop adds it to the node's cost). */
 int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_t at_ns);
+/* A crashed node sends, draws and answers nothing. */
+bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns);
 
 /* Every open sim registers itself so that faults can find "class/id", and leaves on close. */
 struct sim_verb;
@@ -59,5 +71,8 @@ void sim_rng_seed(struct sim_rng *r, uint64_t seed, const char *class_name, cons
 uint64_t sim_rng_u64(struct sim_rng *r);
 double sim_rng_uniform(struct sim_rng *r); /* [0, 1) */
 double sim_rng_normal(struct sim_rng *r);  /* mean 0, sd 1; the same bits on every machine */
+/* A generator of its own for event number n of an instance: what one event draws does not move the next one's draws,
+ * so a fault leaves every event outside its time as it was. */
+struct sim_rng sim_rng_at(const struct sim_rng *instance, uint64_t n);
 
 #endif

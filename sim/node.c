@@ -1,0 +1,74 @@
+/* sim/node.c: what can go wrong with a render node or with the viewer: the verbs of the classes "node" and "world". */
+#include "sim/world_impl.h"
+
+#include <math.h>
+
+static enum bb_status node_late(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+	double frames;
+	const enum bb_status status = sim_fault_range(args, "frames", 1, 1, 1000, &frames, err);
+
+	if (status == BB_OK && node)
+		node->late_frames += on ? lround(frames) : -lround(frames);
+	return status;
+}
+
+static enum bb_status node_slow(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+	double ms;
+	const enum bb_status status = sim_fault_range(args, "ms", NAN, 0, 60000, &ms, err);
+
+	if (status == BB_OK && node)
+		node->slow_ns += on ? llround(ms * 1e6) : -llround(ms * 1e6);
+	return status;
+}
+
+static enum bb_status node_crash(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+
+	(void)args;
+	(void)err;
+	if (node)
+		node->crashed += on ? 1 : -1;
+	return BB_OK;
+}
+
+const struct sim_verb sim_node_verbs[] = {
+	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
+	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
+	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
+	{ NULL, NULL, NULL, NULL, NULL },
+};
+
+static enum bb_status viewer_leave(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_viewer_state *viewer = device;
+
+	(void)args;
+	(void)err;
+	if (viewer)
+		viewer->left += on ? 1 : -1;
+	return BB_OK;
+}
+
+const struct sim_verb sim_viewer_verbs[] = {
+	{ "leave", "", "nobody is in the room: no marker, nothing that hides one", "", viewer_leave },
+	{ NULL, NULL, NULL, NULL, NULL },
+};
+
+int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_t at_ns)
+{
+	(void)at_ns; /* faults set and clear on the world's rank, before anybody asks at the same instant */
+	if (node >= w->room->n_nodes)
+		return 0;
+	return w->nodes[node].late_frames * w->frame_ns + w->nodes[node].slow_ns;
+}
+
+bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns)
+{
+	(void)at_ns;
+	return node < w->room->n_nodes && w->nodes[node].crashed > 0;
+}

@@ -1,0 +1,564 @@
+/* sim/sim_camera.c: a tracking camera; the model stands in sim/sim_camera.h. One timer, on the owner's thread. */
+#include "sim/sim_camera.h"
+#include "sim/sim.h"
+#include "sim/sim_option.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define QUEUE 16
+#define MERGE_PX 2.0f
+#define OWN_RATE_PPM 50.0     /* crystals */
+#define DEVICE_CLOCK_PPM 30.0
+#define TICK_NS 1000
+#define RAD_PER_DEG (3.14159265358979323846 / 180.0)
+
+struct queued {
+	uint32_t seq;
+	int64_t mid_dev_ns, arrived_ns;
+	bool overflow;
+	size_t n;
+	struct bb_blob blob[SIM_CAMERA_BLOBS];
+};
+
+struct sim_camera {
+	struct bb_camera base;
+	struct sim_world *world;
+	struct bb_timer timer;
+	struct sim_rng rng;
+	bool ideal, running;
+	int64_t exposure_ns, offset_ns, readout_ns, transfer_ns, jitter_ns;
+	int64_t start_ns;        /* of the exposure under way */
+	uint32_t seq;
+	int64_t own_phase_ns, own_ppb; /* of exposures without sync */
+	int64_t dev_zero_ns, dev_ppb;  /* device counter: ticks at host time t */
+	uint32_t dev_start;
+	struct bb_unwrap32 unwrap;
+	int64_t last_arrived_ns;
+	struct bb_vec3 bump_axis;
+	int64_t lost, covered, freerun, frozen, drop_ppm, noise_npx, bump_ndeg, flood; /* sums over faults */
+	size_t n_still;          /* the picture that stands still */
+	struct bb_blob still[SIM_CAMERA_BLOBS];
+	struct queued *queue;
+	uint32_t head, n_queued;
+	uint64_t dropped;
+};
+
+static struct sim_camera *own(struct bb_camera *cam)
+{
+	return bb_container_of(cam, struct sim_camera, base);
+}
+
+/* Time */
+
+static bool is_free(const struct sim_camera *c)
+{
+	return c->base.config.sync == BB_SYNC_FREE || c->freerun;
+}
+
+static int64_t own_ns(const struct sim_camera *c, int64_t k)
+{
+	const int64_t ideal_ns = bb_rate_frame_ns(c->base.config.rate, k);
+
+	return c->own_phase_ns + ideal_ns - (int64_t)((__int128)ideal_ns * c->own_ppb / BB_NS_PER_S);
+}
+
+/* The first exposure that begins after a time. */
+static int64_t start_after(const struct sim_camera *c, int64_t after_ns)
+{
+	const struct bb_rate rate = c->base.config.rate;
+
+	if (!is_free(c)) {
+		int64_t k = sim_world_reference_after(c->world, rate, after_ns + 1 - c->offset_ns);
+		return sim_world_reference_ns(c->world, rate, k) + c->offset_ns;
+	}
+	const int64_t span_ns = after_ns - c->own_phase_ns;
+	const int64_t ideal_ns = span_ns + (int64_t)((__int128)span_ns * c->own_ppb / BB_NS_PER_S);
+	int64_t k = (int64_t)((__int128)ideal_ns * rate.num / ((__int128)rate.den * BB_NS_PER_S));
+	k -= k / 1000000 + 2; /* the inverse is of first order: start below and walk */
+	if (k < 0)
+		k = 0;
+	while (own_ns(c, k) <= after_ns)
+		k++;
+	return own_ns(c, k);
+}
+
+struct bb_dev_ns sim_camera_stamp(const struct bb_camera *cam, int64_t host_ns)
+{
+	const struct sim_camera *c = (const struct sim_camera *)(const void *)cam; /* base is the first member */
+	const int64_t dt_ns = host_ns - c->dev_zero_ns;
+
+	if (c->ideal)
+		return (struct bb_dev_ns){ host_ns };
+	return (struct bb_dev_ns){ (int64_t)c->dev_start * TICK_NS + dt_ns +
+		                   (int64_t)((__int128)dt_ns * c->dev_ppb / BB_NS_PER_S) };
+}
+
+/* What the driver makes of the counter: 32 bits on the wire, unwrapped again. */
+static int64_t stamp(struct sim_camera *c, int64_t mid_ns)
+{
+	const struct bb_dev_ns dev = sim_camera_stamp(&c->base, mid_ns);
+
+	return c->ideal ? dev.ns : bb_unwrap32(&c->unwrap, (uint32_t)(dev.ns / TICK_NS)) * TICK_NS;
+}
+
+/* Optics */
+
+bool sim_camera_project(const struct bb_camera_config *config, struct bb_vec3 p, struct bb_blob *out)
+{
+	if (!(p.z >= SIM_CAMERA_NEAR_M) || bb_vec3_norm(p) > SIM_CAMERA_FAR_M)
+		return false;
+	const double x = p.x / p.z, y = p.y / p.z, rr = x * x + y * y;
+	const double k1 = config->k1, k2 = config->k2;
+	/* Where r (1 + k1 r^2 + k2 r^4) stops growing with r the lens would fold the picture. */
+	if (1 + 3 * k1 * rr + 5 * k2 * rr * rr <= 0 && rr > 0)
+		return false;
+	const double f = 1 + rr * (k1 + k2 * rr);
+	const double px = config->cx_px + config->fx_px * x * f, py = config->cy_px + config->fy_px * y * f;
+	if (!(px >= -0.5 && py >= -0.5 && px < (double)config->width_px - 0.5 && py < (double)config->height_px - 0.5))
+		return false;
+	const double across_px = config->fx_px * SIM_MARKER_DIAMETER_M / p.z;
+	*out = (struct bb_blob){ (float)px, (float)py, (float)(0.78539816339744831 * across_px * across_px) };
+	return true;
+}
+
+static struct bb_pose pose_now(const struct sim_camera *c)
+{
+	struct bb_pose pose = c->base.config.pose;
+
+	if (c->bump_ndeg)
+		pose.q = bb_quat_mul(pose.q, bb_quat_axis_angle(c->bump_axis, (double)c->bump_ndeg * 1e-9 * RAD_PER_DEG));
+	return pose;
+}
+
+static bool put(struct bb_blob *blobs, size_t *n, struct bb_blob blob)
+{
+	if (*n == SIM_CAMERA_BLOBS)
+		return false;
+	blobs[(*n)++] = blob;
+	return true;
+}
+
+static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct bb_blob *blobs,
+                        size_t *n)
+{
+	const struct bb_pose pose = pose_now(c);
+	const double sd_px = (c->ideal ? 0 : c->base.config.noise_px) + (double)c->noise_npx * 1e-9;
+	struct bb_vec3 marker[BB_BODIES_MAX * 6];
+	const size_t n_markers = sim_world_markers(c->world, mid_ns, marker, BB_ARRAY_LEN(marker));
+	struct bb_blob blob;
+	bool fits = true;
+
+	for (size_t i = 0; i < n_markers; i++) {
+		/* Drawn for every marker, seen or not: what hides one does not move another. */
+		const double dx = sd_px * sim_rng_normal(r), dy = sd_px * sim_rng_normal(r);
+		if (!sim_camera_project(&c->base.config, bb_pose_inverse_apply(&pose, marker[i]), &blob))
+			continue;
+		if (!c->ideal && !sim_world_visible(c->world, c->base.config.pose.p, marker[i], mid_ns))
+			continue;
+		blob.x_px = (float)((double)blob.x_px + dx);
+		blob.y_px = (float)((double)blob.y_px + dy);
+		fits &= put(blobs, n, blob);
+	}
+	return fits;
+}
+
+static bool see_strays(const struct sim_camera *c, struct sim_rng *r, struct bb_blob *blobs, size_t *n)
+{
+	bool fits = true;
+
+	for (int64_t i = 0; i < c->flood && fits; i++) {
+		const double x = sim_rng_uniform(r) * (double)(c->base.config.width_px - 1);
+		const double y = sim_rng_uniform(r) * (double)(c->base.config.height_px - 1);
+		fits = put(blobs, n, (struct bb_blob){ (float)x, (float)y, (float)(2 + 20 * sim_rng_uniform(r)) });
+	}
+	return fits;
+}
+
+static int by_place(const void *a, const void *b)
+{
+	const struct bb_blob *p = a, *q = b;
+
+	if (p->y_px != q->y_px)
+		return p->y_px < q->y_px ? -1 : 1;
+	return p->x_px < q->x_px ? -1 : p->x_px > q->x_px;
+}
+
+static struct bb_blob merged(struct bb_blob a, struct bb_blob b)
+{
+	const float area = a.area_px + b.area_px;
+	const float t = area > 0 ? b.area_px / area : 0.5f;
+
+	return (struct bb_blob){ a.x_px + (b.x_px - a.x_px) * t, a.y_px + (b.y_px - a.y_px) * t, area };
+}
+
+static void merge_close(struct bb_blob *blobs, size_t *n)
+{
+	for (size_t i = 0; i < *n; i++)
+		for (size_t j = i + 1; j < *n;) {
+			const float dx = blobs[i].x_px - blobs[j].x_px, dy = blobs[i].y_px - blobs[j].y_px;
+			if (dx * dx + dy * dy >= MERGE_PX * MERGE_PX) {
+				j++;
+				continue;
+			}
+			blobs[i] = merged(blobs[i], blobs[j]);
+			memmove(&blobs[j], &blobs[j + 1], (--*n - j) * sizeof(*blobs));
+			j = i + 1; /* the blob has moved: look at all others again */
+		}
+}
+
+static void look(struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct queued *q)
+{
+	if (c->frozen) {
+		q->n = c->n_still;
+		memcpy(q->blob, c->still, q->n * sizeof(*q->blob));
+		return;
+	}
+	if (!c->covered) {
+		const bool markers_fit = see_markers(c, mid_ns, r, q->blob, &q->n);
+		const bool strays_fit = see_strays(c, r, q->blob, &q->n);
+		q->overflow = !markers_fit || !strays_fit;
+		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
+	}
+	if (!c->ideal) {
+		merge_close(q->blob, &q->n);
+		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
+	}
+	c->n_still = q->n;
+	memcpy(c->still, q->blob, q->n * sizeof(*q->blob));
+}
+
+/* Frames */
+
+static struct queued *next_slot(struct sim_camera *c)
+{
+	if (c->n_queued == QUEUE) {
+		c->head = (c->head + 1) % QUEUE;
+		c->n_queued--;
+		c->dropped++;
+	}
+	return &c->queue[(c->head + c->n_queued) % QUEUE];
+}
+
+static void expose(struct sim_camera *c, int64_t mid_ns)
+{
+	struct sim_rng r = sim_rng_at(&c->rng, c->seq);
+	const bool drop = sim_rng_uniform(&r) * 1e6 < (double)c->drop_ppm;
+	const double late = sim_rng_uniform(&r);
+	const int64_t least_ns = mid_ns + c->base.limits.least_latency_ns;
+	const int64_t arrived_ns = least_ns + (int64_t)(late * (double)c->jitter_ns);
+	const uint32_t seq = c->seq++;
+	const int64_t dev_ns = stamp(c, mid_ns);
+
+	if (drop)
+		return;
+	struct queued *q = next_slot(c);
+	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns };
+	q->arrived_ns = arrived_ns > c->last_arrived_ns ? arrived_ns : c->last_arrived_ns + 1;
+	c->last_arrived_ns = q->arrived_ns;
+	look(c, mid_ns, &r, q);
+	c->n_queued++;
+	bb_device_event(&c->base.dev, BB_EV_FRAME, mid_ns, seq, (int64_t)q->n);
+}
+
+static int64_t mid_of(const struct sim_camera *c)
+{
+	return c->start_ns + c->exposure_ns / 2;
+}
+
+static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct sim_camera *c = bb_container_of(timer, struct sim_camera, timer);
+
+	(void)now_ns;
+	if (c->lost || !c->running)
+		return BB_NEVER;
+	expose(c, scheduled_ns);
+	/* The sensor cannot begin again before it has read out; half a period is when sync comes back at a bad time. */
+	c->start_ns = start_after(c, c->start_ns + bb_rate_period_ns(c->base.config.rate) / 2);
+	return mid_of(c);
+}
+
+static enum bb_status begin(struct sim_camera *c)
+{
+	c->start_ns = start_after(c, bb_clock_now_ns(c->base.dev.clk));
+	return bb_clock_arm(c->base.dev.clk, &c->timer, mid_of(c));
+}
+
+/* Ops */
+
+static const struct sim_option options[] = {
+	{ "noise_px", offsetof(struct bb_camera_config, noise_px), 0, 10 },
+	{ "transfer_us", offsetof(struct bb_camera_config, transfer_us), 0, 1e5 },
+	{ "transfer_jitter_us", offsetof(struct bb_camera_config, transfer_jitter_us), 0, 1e5 },
+	{ "readout_us", offsetof(struct bb_camera_config, readout_us), 0, 1e5 },
+	{ NULL, 0, 0, 0 },
+};
+
+static bool in(double value, double least, double most)
+{
+	return value >= least && value <= most; /* false for NaN */
+}
+
+static enum bb_status check_config(struct sim_camera *c)
+{
+	const struct bb_camera_config *k = &c->base.config;
+
+	if (!k->rate.num || !k->rate.den || !in(bb_rate_hz(k->rate), 1, 1000))
+		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "rate %u/%u", k->rate.num, k->rate.den);
+	if (!in(k->exposure_us, 1, 1e6) || !in(k->sync_offset_us, 0, 1e6) || !in(k->readout_us, 0, 1e5) ||
+	    !in(k->transfer_us, 0, 1e5) || !in(k->transfer_jitter_us, 0, 1e5) || !in(k->noise_px, 0, 100) ||
+	    k->exposure_us * 1000 >= (double)bb_rate_period_ns(k->rate))
+		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "a time or the noise is out of range");
+	if (!in(k->fx_px, 1, 1e6) || !in(k->fy_px, 1, 1e6) || k->width_px < 2 || k->height_px < 2 ||
+	    k->width_px > 65536 || k->height_px > 65536 || !isfinite(k->k1 + k->k2 + k->cx_px + k->cy_px))
+		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "the lens or the sensor is out of range");
+	return BB_OK;
+}
+
+static void set_limits(struct sim_camera *c)
+{
+	c->base.limits = (struct bb_camera_limits){
+		.least_rate_hz = 1,
+		.most_rate_hz = 1000,
+		.most_blobs = SIM_CAMERA_BLOBS,
+		.least_latency_ns = c->exposure_ns - c->exposure_ns / 2 + c->readout_ns + c->transfer_ns,
+		.stamp_error_ns = c->ideal ? 0 : TICK_NS,
+		.blob_error_px = c->ideal ? 0 : c->base.config.noise_px,
+	};
+}
+
+static void draw_unit(struct sim_camera *c, const struct bb_open *open)
+{
+	struct sim_rng *r = &c->rng;
+	const int64_t period_ns = bb_rate_period_ns(c->base.config.rate);
+	struct bb_vec3 axis;
+
+	sim_rng_seed(r, open->seed, "camera", c->base.dev.id);
+	c->own_phase_ns = (int64_t)(sim_rng_uniform(r) * (double)period_ns);
+	c->own_ppb = (int64_t)((2 * sim_rng_uniform(r) - 1) * OWN_RATE_PPM * 1000);
+	c->dev_ppb = (int64_t)((2 * sim_rng_uniform(r) - 1) * DEVICE_CLOCK_PPM * 1000);
+	c->dev_zero_ns = bb_clock_now_ns(c->base.dev.clk);
+	c->dev_start = (uint32_t)sim_rng_u64(r);
+	if (sim_rng_uniform(r) < 0.25) /* a counter wraps every 71 minutes: let every fourth camera do it soon */
+		c->dev_start = UINT32_MAX - c->dev_start % 20000000;
+	axis.x = sim_rng_normal(r);
+	axis.y = sim_rng_normal(r);
+	axis.z = sim_rng_normal(r);
+	c->bump_axis = bb_vec3_unit(axis, (struct bb_vec3){ 0, 1, 0 });
+	if (c->ideal)
+		c->own_ppb = 0;
+}
+
+static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *open)
+{
+	struct sim_camera *c = own(cam);
+	const struct bb_camera_config *k = &cam->config;
+
+	c->world = open->world;
+	c->ideal = open->fidelity == 0;
+	enum bb_status status = sim_options_read(&cam->dev, open->uri, options, &cam->config);
+	if (status == BB_OK)
+		status = check_config(c);
+	if (status != BB_OK)
+		return status;
+	c->exposure_ns = llround(k->exposure_us * 1000);
+	c->offset_ns = llround(k->sync_offset_us * 1000);
+	c->readout_ns = llround(k->readout_us * 1000);
+	c->transfer_ns = llround(k->transfer_us * 1000);
+	c->jitter_ns = c->ideal ? 0 : llround(k->transfer_jitter_us * 1000);
+	set_limits(c);
+	draw_unit(c, open);
+	c->timer = (struct bb_timer){ .step = step, .rank = 1 };
+	c->queue = calloc(QUEUE, sizeof(*c->queue));
+	if (!c->queue)
+		return BB_ERR_NOMEM;
+	status = sim_world_register(c->world, "camera", cam->dev.id, c, sim_camera_verbs);
+	if (status != BB_OK)
+		free(c->queue);
+	return status;
+}
+
+static void camera_close(struct bb_camera *cam)
+{
+	struct sim_camera *c = own(cam);
+
+	sim_world_unregister(c->world, c);
+	bb_clock_disarm(cam->dev.clk, &c->timer);
+	free(c->queue);
+}
+
+static enum bb_status gone(struct sim_camera *c, const char *op)
+{
+	return bb_device_fail(&c->base.dev, BB_ERR_LOST, op, "no answer on the bus");
+}
+
+static enum bb_status camera_start(struct bb_camera *cam)
+{
+	struct sim_camera *c = own(cam);
+
+	if (c->lost)
+		return gone(c, "start");
+	if (c->running)
+		return BB_OK;
+	c->running = true;
+	return begin(c);
+}
+
+static enum bb_status camera_stop(struct bb_camera *cam)
+{
+	struct sim_camera *c = own(cam);
+
+	if (c->lost)
+		return gone(c, "stop");
+	c->running = false;
+	c->n_queued = 0;
+	bb_clock_disarm(cam->dev.clk, &c->timer);
+	return BB_OK;
+}
+
+static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame *frame)
+{
+	struct sim_camera *c = own(cam);
+	const struct queued *q = &c->queue[c->head];
+
+	if (c->lost)
+		return gone(c, "read");
+	if (!c->n_queued || q->arrived_ns > bb_clock_now_ns(cam->dev.clk))
+		return BB_TIMEOUT;
+	frame->seq = q->seq;
+	frame->mid_exposure = (struct bb_dev_ns){ q->mid_dev_ns };
+	frame->arrived_ns = q->arrived_ns;
+	frame->n = q->n < frame->cap ? q->n : frame->cap;
+	frame->overflow = q->overflow || q->n > frame->cap;
+	memcpy(frame->blobs, q->blob, frame->n * sizeof(*q->blob));
+	c->head = (c->head + 1) % QUEUE;
+	c->n_queued--;
+	return BB_OK;
+}
+
+static enum bb_status camera_set_exposure(struct bb_camera *cam, int64_t exposure_ns, int64_t offset_ns)
+{
+	struct sim_camera *c = own(cam);
+	const int64_t period_ns = bb_rate_period_ns(cam->config.rate);
+
+	if (c->lost)
+		return gone(c, "set_exposure");
+	if (exposure_ns < 1000 || exposure_ns >= period_ns || offset_ns >= period_ns)
+		return BB_ERR_RANGE;
+	c->exposure_ns = exposure_ns;
+	c->offset_ns = offset_ns;
+	set_limits(c);
+	return c->running ? begin(c) : BB_OK;
+}
+
+static const struct bb_camera_ops ops = { camera_open,  camera_close, camera_start,
+	                                  camera_stop,  camera_read,  camera_set_exposure };
+const struct bb_camera_driver sim_camera_driver = { "sim", sizeof(struct sim_camera), &ops };
+
+uint64_t sim_camera_dropped(const struct bb_camera *cam)
+{
+	return ((const struct sim_camera *)(const void *)cam)->dropped;
+}
+
+/* Verbs. Sums in integers, so that faults may overlap and end in any order without a trace. */
+
+static enum bb_status amount(struct sim_camera *c, const struct sim_fault_args *args, const char *key, double most,
+                             double scale, int64_t *sum, bool on, struct bb_error *err)
+{
+	double value;
+	const enum bb_status status = sim_fault_range(args, key, NAN, 0, most, &value, err);
+
+	if (status == BB_OK && c)
+		*sum += on ? llround(value * scale) : -llround(value * scale);
+	return status;
+}
+
+static enum bb_status verb_cover(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (c)
+		c->covered += on ? 1 : -1;
+	return BB_OK;
+}
+
+static enum bb_status verb_drop(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "percent", 100, 1e4, c ? &c->drop_ppm : NULL, on, err);
+}
+
+static enum bb_status verb_noise(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "px", 100, 1e9, c ? &c->noise_npx : NULL, on, err);
+}
+
+static enum bb_status verb_bump(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "deg", 180, 1e9, c ? &c->bump_ndeg : NULL, on, err);
+}
+
+static enum bb_status verb_flood(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "n", 1000, 1, c ? &c->flood : NULL, on, err);
+}
+
+static enum bb_status verb_unplug(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (!c)
+		return BB_OK;
+	c->lost += on ? 1 : -1;
+	c->n_queued = 0;
+	bb_clock_disarm(c->base.dev.clk, &c->timer);
+	return c->lost || !c->running ? BB_OK : begin(c);
+}
+
+static enum bb_status verb_freerun(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (c)
+		c->freerun += on ? 1 : -1;
+	return BB_OK;
+}
+
+static enum bb_status verb_freeze(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (c)
+		c->frozen += on ? 1 : -1;
+	return BB_OK;
+}
+
+const struct sim_verb sim_camera_verbs[] = {
+	{ "cover", "", "something hangs over the lens: frames without blobs", "", verb_cover },
+	{ "dark", "", "its lamps are dead: frames without blobs", "", verb_cover },
+	{ "drop", "percent=N", "that share of the frames is lost in transfer", "percent=30", verb_drop },
+	{ "noise", "px=N", "blob centres scatter by that much more (standard deviation)", "px=1.5", verb_noise },
+	{ "bump", "deg=N", "someone knocked it: it looks that far elsewhere", "deg=2", verb_bump },
+	{ "flood", "n=N", "that many stray blobs in each frame", "n=20", verb_flood },
+	{ "unplug", "", "it is gone from the bus", "", verb_unplug },
+	{ "freerun", "", "its sync cable is out: it exposes by its own clock", "", verb_freerun },
+	{ "freeze", "", "the picture stands still while frames keep coming", "", verb_freeze },
+	{ NULL, NULL, NULL, NULL, NULL },
+};
