@@ -1,0 +1,241 @@
+/*
+ * sync/track/solve.c: one closed set: every body warm from its prediction, then cold where that failed, then what the
+ * result means for the filter, the solution ring and the cameras' counters.
+ */
+#include <math.h>
+#include <string.h>
+
+#include "sync/track/linalg.h"
+#include "sync/track/track.h"
+
+#define WARM_AGE_S 0.25
+#define WARM_GATE_PX 20.0
+#define PATIENCE 16           /* failed sets before cold starts become rarer */
+#define RARER 4
+#define DOUBTS 3
+#define CLEARLY 75.0          /* three more blobs explained */
+#define DEG_PER_RAD 57.29577951308232
+
+struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
+{
+	return (struct bb_pose){ bb_vec3_sub(centroid, bb_quat_rotate(q, b->centroid)), q };
+}
+
+bool bb_track_prior(const struct bb_track_body *b, int64_t at_ns, double max_age_s, struct bb_filter_state *state)
+{
+	const double dt = b->filter.live ? bb_seconds_between(at_ns, b->filter.at_ns) : -1;
+
+	if (!b->filter.live || !(dt > 0) || dt > max_age_s)
+		return false;
+	*state = bb_filter_predict(&b->filter, dt);
+	return true;
+}
+
+void bb_track_set_motion(const struct bb_track_body *b, const struct bb_track_set *set, struct bb_track_candidate *c)
+{
+	struct bb_filter_state s;
+	const bool known = bb_track_prior(b, set->at_ns, WARM_AGE_S, &s);
+
+	c->fit.velocity = known ? s.v : (struct bb_vec3){ 0, 0, 0 };
+	c->fit.spin = known ? s.w : (struct bb_vec3){ 0, 0, 0 };
+}
+
+static void claim(struct bb_track_set *set, size_t body, const struct bb_track_candidate *c, bool mine)
+{
+	for (size_t i = 0; i < c->n_obs; i++)
+		set->views[c->obs[i].camera].owner[c->obs[i].blob] = (uint8_t)(mine ? body + 1 : 0);
+}
+
+static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
+{
+	struct bb_track_body *b = &tr->bodies[body];
+	struct bb_filter_state s;
+
+	b->found.ok = false;
+	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
+		return;
+	const struct bb_track_gate gate = { s.position_sigma_m, s.angle_sigma_rad, WARM_GATE_PX };
+	const struct bb_pose start = bb_track_pose_about(b, s.p, s.q);
+	bb_track_set_motion(b, set, &b->found);
+	bb_track_refine(tr, set, body, &start, &gate, &b->found);
+	if (b->found.ok)
+		claim(set, body, &b->found, true);
+}
+
+/* Blobs near the body that nobody claims: many of them, in several cameras, mean that the labels are wrong. */
+static bool doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body)
+{
+	const struct bb_track_body *b = &tr->bodies[body];
+	const struct bb_vec3 centre = bb_pose_apply(&b->found.fit.pose, b->centroid);
+	size_t odd = 0, cameras = 0;
+
+	for (size_t i = 0; i < tr->config.n_cameras; i++) {
+		double px[2];
+		if (!set->views[i].here || !bb_lens_project(&tr->lenses[i], centre, px))
+			continue;
+		const double reach = 2 + 1.1 * b->radius_m * tr->lenses[i].fx_px / bb_lens_depth(&tr->lenses[i], centre);
+		size_t n = 0;
+		for (size_t k = 0; k < set->views[i].n; k++) {
+			const struct bb_blob *blob = &set->views[i].blobs[k];
+			n += !set->views[i].owner[k] && hypot((double)blob->x_px - px[0], (double)blob->y_px - px[1]) < reach;
+		}
+		odd += n;
+		cameras += n > 0;
+	}
+	return odd >= 2 && 3 * odd > b->found.n_obs && (cameras > 1 || tr->config.n_cameras == 1);
+}
+
+/* After a few doubtful sets start over from nothing and take what explains clearly more. */
+static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
+{
+	struct bb_track_body *b = &tr->bodies[body];
+
+	if (!b->found.ok || !doubtful(tr, set, body)) {
+		b->doubts = 0;
+		return;
+	}
+	if (++b->doubts % PATIENCE != DOUBTS)
+		return;
+	claim(set, body, &b->found, false);
+	bb_track_swap(&b->found, &tr->aside);
+	bb_track_acquire(tr, set, body, &b->found);
+	if (!b->found.ok || b->found.score < tr->aside.score + CLEARLY)
+		bb_track_swap(&b->found, &tr->aside);
+	claim(set, body, &b->found, true);
+}
+
+/* Noise larger than configured shows in the residuals; the answer must not claim to know better. */
+static double inflation(const struct bb_track_candidate *c)
+{
+	const double dof = 2.0 * (double)c->n_obs - 6;
+
+	return dof > 0 ? fmax(1, c->fit.chi2 / dof) : 1;
+}
+
+static struct bb_track_solution solution_of(const struct bb_tracker *tr, const struct bb_track_set *set,
+                                            const struct bb_track_body *b)
+{
+	const struct bb_track_candidate *c = &b->found;
+	const struct bb_polish *f = &c->fit;
+	const double more = inflation(c);
+	const double roll = f->roll_held ? f->roll_sigma_rad * f->roll_sigma_rad : 0;
+
+	return (struct bb_track_solution){
+		.at_ns = set->at_ns,
+		.body = f->pose,
+		.centroid = bb_pose_apply(&f->pose, b->centroid),
+		.position_sigma_mm = 1e3 * sqrt(more * (f->variance_m2[0] + f->variance_m2[1] + f->variance_m2[2])),
+		.angle_sigma_deg =
+			DEG_PER_RAD * sqrt(more * (f->variance_rad2[0] + f->variance_rad2[1] + f->variance_rad2[2]) + roll),
+		.residual_px = tr->config.blob_sigma_px * sqrt(f->chi2 / (2 * (double)c->n_obs)),
+		.n_markers = c->n_markers,
+		.n_cameras = c->n_cameras,
+		.n_blobs = (uint16_t)c->n_obs,
+		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
+		         (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
+	};
+}
+
+/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
+static bool continues(const struct bb_track_body *b, const struct bb_track_set *set)
+{
+	struct bb_filter_state s;
+
+	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
+		return false;
+	const struct bb_vec3 off = bb_vec3_sub(bb_pose_apply(&b->found.fit.pose, b->centroid), s.p);
+	return bb_vec3_norm(off) < 0.02 + 6 * s.position_sigma_m &&
+	       bb_quat_angle(b->found.fit.pose.q, s.q) < 0.1 + 6 * s.angle_sigma_rad;
+}
+
+static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct bb_track_body *b)
+{
+	const struct bb_polish *f = &b->found.fit;
+	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
+	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
+	const double more = inflation(&b->found);
+	double var_m2[3], var_rad2[3];
+
+	for (int i = 0; i < 3; i++) {
+		var_m2[i] = more * f->variance_m2[i];
+		var_rad2[i] = more * f->variance_rad2[i];
+	}
+	if (continues(b, set))
+		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2, hold);
+	else
+		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2);
+	b->last = solution_of(tr, set, b);
+	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
+}
+
+/* What one camera gave to a solved body. obs are sorted by camera; from is where this camera's begin. */
+static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, const struct bb_track_body *b,
+                           size_t camera, size_t from)
+{
+	const struct bb_track_candidate *c = &b->found;
+	const struct bb_lens *lens = &tr->lenses[camera];
+	struct bb_track_camera_stats *stats = &tr->stats[camera];
+	size_t expected = 0, used = 0;
+	double px[2];
+
+	for (size_t m = 0; set->views[camera].here && m < b->body->n_markers; m++)
+		expected += bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[m]), px) && px[0] > 0 && px[1] > 0 &&
+		            px[0] < lens->width_px - 1 && px[1] < lens->height_px - 1;
+	for (; from + used < c->n_obs && c->obs[from + used].camera == camera; used++) {
+		const struct bb_track_obs *o = &c->obs[from + used];
+		if (!bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[o->marker]), px))
+			continue;
+		const double dx = o->x_px - px[0], dy = o->y_px - px[1];
+		tr->mean_square_px2[camera] += ((dx * dx + dy * dy) / 2 - tr->mean_square_px2[camera]) / 64;
+	}
+	stats->used += used;
+	stats->missing += expected > used ? expected - used : 0;
+	stats->residual_px = sqrt(tr->mean_square_px2[camera]);
+	return from + used;
+}
+
+static void count(struct bb_tracker *tr, const struct bb_track_set *set)
+{
+	for (size_t i = 0; i < tr->config.n_cameras; i++)
+		for (size_t k = 0; set->views[i].here && k < set->views[i].n; k++)
+			tr->stats[i].stray += !set->views[i].owner[k];
+	for (size_t body = 0; body < tr->config.n_bodies; body++) {
+		size_t from = 0;
+		for (size_t i = 0; tr->bodies[body].found.ok && i < tr->config.n_cameras; i++)
+			from = count_camera(tr, set, &tr->bodies[body], i, from);
+	}
+}
+
+static void cold(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
+{
+	struct bb_track_body *b = &tr->bodies[body];
+
+	/* A body that is not there must not cost a cold start a set for ever. */
+	if (b->failures > PATIENCE && b->failures % RARER)
+		return;
+	bb_track_acquire(tr, set, body, &b->found);
+	if (b->found.ok)
+		claim(set, body, &b->found, true);
+}
+
+void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set)
+{
+	const size_t n = tr->config.n_bodies;
+
+	for (size_t i = 0; i < tr->config.n_cameras; i++)
+		memset(set->views[i].owner, 0, BB_CAMERA_BLOBS_MAX);
+	for (size_t i = 0; i < n; i++)
+		warm(tr, set, i);
+	for (size_t i = 0; i < n; i++)
+		if (!tr->bodies[i].found.ok)
+			cold(tr, set, i);
+	for (size_t i = 0; i < n; i++) {
+		struct bb_track_body *b = &tr->bodies[i];
+		reconsider(tr, set, i);
+		b->fresh = b->found.ok;
+		b->failures = b->found.ok ? 0 : b->failures + 1;
+		if (b->found.ok)
+			commit(tr, set, b);
+	}
+	count(tr, set);
+}
