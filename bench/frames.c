@@ -3,14 +3,14 @@
 
 #include <math.h>
 
-struct bb_frame *bb_loop_frame(struct bb_loop *l, uint64_t frame)
+struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame)
 {
 	struct bb_frame *f = &l->frames[frame % BB_FRAMES_RING];
 
 	return f->open && f->frame == frame ? f : NULL;
 }
 
-static void sample(struct bb_loop *l, const struct bb_frame *f, enum bb_metric metric, double value, double uncertainty,
+static void sample(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, double value, double uncertainty,
                    uint16_t node, enum bb_stage stage)
 {
 	const struct bb_sample s = { value, uncertainty, f->frame, f->start_ns, node, (uint16_t)stage };
@@ -18,14 +18,14 @@ static void sample(struct bb_loop *l, const struct bb_frame *f, enum bb_metric m
 	bb_ledger_sample(l->ledger, metric, &s);
 }
 
-static void span(struct bb_loop *l, const struct bb_frame *f, enum bb_stage stage, uint16_t node, int64_t from_ns,
+static void span(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_stage stage, uint16_t node, int64_t from_ns,
                  int64_t to_ns)
 {
 	if (from_ns && to_ns >= from_ns)
 		bb_ledger_span(l->ledger, f->frame, stage, node, 0, from_ns, to_ns);
 }
 
-static void node_spans(struct bb_loop *l, const struct bb_frame *f, uint16_t node)
+static void node_spans(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t node)
 {
 	const struct bb_node_times *t = &f->node[node];
 
@@ -37,7 +37,7 @@ static void node_spans(struct bb_loop *l, const struct bb_frame *f, uint16_t nod
 }
 
 /* Spread of the instants the nodes were released at; a node that was not released makes the frame incomplete. */
-static double swap_skew_us(const struct bb_loop *l, const struct bb_frame *f)
+static double swap_skew_us(const struct bb_frame_loop *l, const struct bb_frame *f)
 {
 	int64_t first_ns = INT64_MAX, last_ns = INT64_MIN;
 
@@ -48,16 +48,16 @@ static double swap_skew_us(const struct bb_loop *l, const struct bb_frame *f)
 		first_ns = at_ns < first_ns ? at_ns : first_ns;
 		last_ns = at_ns > last_ns ? at_ns : last_ns;
 	}
-	return first_ns == INT64_MAX ? NAN : (double)(last_ns - first_ns) * 1e-3;
+	return first_ns == INT64_MAX ? (double)NAN : (double)(last_ns - first_ns) * 1e-3;
 }
 
-static uint16_t node_of(const struct bb_loop *l, uint16_t screen)
+static uint16_t node_of(const struct bb_frame_loop *l, uint16_t screen)
 {
 	return l->room->screens[screen].node;
 }
 
 /* Torn: some screen showed this frame a whole refresh after another, or never. */
-static bool torn(const struct bb_loop *l, const struct bb_frame *f, uint16_t *node)
+static bool torn(const struct bb_frame_loop *l, const struct bb_frame *f, uint16_t *node)
 {
 	const struct bb_display_config *d = &l->room->screens[0].display;
 	const int64_t period_ns = bb_rate_period_ns(d->rate);
@@ -77,7 +77,7 @@ static bool torn(const struct bb_loop *l, const struct bb_frame *f, uint16_t *no
 }
 
 /* When the middle row of the last screen's image reaches the first eye that can see it. */
-static int64_t photon_ns(struct bb_loop *l, const struct bb_frame *f, int64_t *middle_ns)
+static int64_t photon_ns(struct bb_frame_loop *l, const struct bb_frame *f, int64_t *middle_ns)
 {
 	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[f->last_flip_screen]);
 	const bool sequential = l->room->screens[f->last_flip_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL;
@@ -99,7 +99,7 @@ static enum bb_stage dearest(const int64_t from[], const int64_t to[])
 	return most;
 }
 
-static void head_to_photon(struct bb_loop *l, struct bb_frame *f, struct bb_frame_row *row)
+static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct bb_frame_row *row)
 {
 	const uint16_t node = node_of(l, f->last_flip_screen);
 	const struct bb_node_times *t = &f->node[node];
@@ -134,18 +134,18 @@ static void head_to_photon(struct bb_loop *l, struct bb_frame *f, struct bb_fram
 	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(from, to));
 }
 
-static void count_metric(struct bb_loop *l, const struct bb_frame *f, enum bb_metric metric, uint64_t *total,
+static void count_metric(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, uint64_t *total,
                          uint16_t node, enum bb_stage stage)
 {
 	sample(l, f, metric, (double)++*total, 0, node, stage);
 }
 
-static uint16_t swapped_node(const struct bb_loop *l, const struct bb_frame *f)
+static uint16_t swapped_node(const struct bb_frame_loop *l, const struct bb_frame *f)
 {
 	return l->master_screen < 0 ? BB_NOBODY : node_of(l, f->swapped_screen);
 }
 
-static void close_frame(struct bb_loop *l, struct bb_frame *f)
+static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 {
 	struct bb_frame_row row = { .frame = f->frame, .start_ns = f->start_ns, .head_to_photon_ms = NAN, .frame_ms = NAN,
 		                    .scanout_skew_us = NAN, .phase_us = NAN, .pose_age_ms = NAN,
@@ -202,7 +202,7 @@ static void close_frame(struct bb_loop *l, struct bb_frame *f)
 	bb_ledger_row(l->ledger, &row);
 }
 
-void bb_frames_close(struct bb_loop *l, uint64_t before)
+void bb_frames_close(struct bb_frame_loop *l, uint64_t before)
 {
 	for (; l->closed < before && l->closed < l->n_frames; l->closed++) {
 		struct bb_frame *f = bb_loop_frame(l, l->closed);

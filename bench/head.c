@@ -26,7 +26,7 @@ static double steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_
 /* ---- where and when ---- */
 
 /* The time the middle row of this frame's image should reach an eye if all goes as planned. */
-static int64_t planned_photon_ns(const struct bb_loop *l, int64_t start_ns)
+static int64_t planned_photon_ns(const struct bb_frame_loop *l, int64_t start_ns)
 {
 	if (l->master_screen < 0)
 		return start_ns + l->frame_ns;
@@ -39,7 +39,7 @@ static int64_t planned_photon_ns(const struct bb_loop *l, int64_t start_ns)
 	return middle_ns;
 }
 
-static void predict_head(struct bb_loop *l, struct bb_frame *f)
+static void predict_head(struct bb_frame_loop *l, struct bb_frame *f)
 {
 	f->eyes = (struct bb_pose){ l->room->neutral, BB_QUAT_IDENTITY };
 	f->track_flags = BB_TRACK_NEVER;
@@ -56,7 +56,7 @@ static void predict_head(struct bb_loop *l, struct bb_frame *f)
 
 /* ---- begin ---- */
 
-static struct bb_frame *open_frame(struct bb_loop *l, int64_t now_ns)
+static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_frame *f = &l->frames[l->n_frames % BB_FRAMES_RING];
 
@@ -71,7 +71,7 @@ static struct bb_frame *open_frame(struct bb_loop *l, int64_t now_ns)
 
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
-	struct bb_loop *l = bb_container_of(timer, struct bb_loop, begin);
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
 	const struct bb_node_machine *head = &l->nodes[bb_loop_head(l)];
 
 	if (now_ns >= l->end_ns) {
@@ -106,7 +106,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 
 int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
-	struct bb_loop *l = bb_container_of(timer, struct bb_loop, send);
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, send);
 	struct bb_frame *f = bb_loop_frame(l, l->n_frames - 1);
 	const unsigned head = bb_loop_head(l);
 	const struct bb_message m = { .kind = BB_MESSAGE_STATE,
@@ -130,7 +130,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 
 /* ---- barrier ---- */
 
-static int64_t next_begin_ns(const struct bb_loop *l, int64_t now_ns)
+static int64_t next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_vblank v;
 
@@ -145,7 +145,7 @@ static int64_t next_begin_ns(const struct bb_loop *l, int64_t now_ns)
 	return at_ns > now_ns ? at_ns : at_ns + (int64_t)per_frame * d->period_ns;
 }
 
-static void blame_late_node(struct bb_loop *l, const struct bb_frame *f, int64_t now_ns)
+static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
 {
 	for (unsigned i = 0; i < l->room->n_nodes; i++) {
 		const bool missing = f->missing_nodes >> i & 1;
@@ -159,7 +159,7 @@ static void blame_late_node(struct bb_loop *l, const struct bb_frame *f, int64_t
 	}
 }
 
-static void step_barrier(struct bb_loop *l, int64_t now_ns)
+static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const unsigned head = bb_loop_head(l);
 	struct bb_release r;
@@ -189,11 +189,11 @@ static void step_barrier(struct bb_loop *l, int64_t now_ns)
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	(void)scheduled_ns;
-	step_barrier(bb_container_of(timer, struct bb_loop, deadline), now_ns);
+	step_barrier(bb_container_of(timer, struct bb_frame_loop, deadline), now_ns);
 	return BB_NEVER;
 }
 
-void bb_head_hear(struct bb_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns)
+void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns)
 {
 	if (m->kind != BB_MESSAGE_ARRIVE)
 		return;
@@ -205,7 +205,7 @@ void bb_head_hear(struct bb_loop *l, unsigned from, const struct bb_message *m, 
 
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
-	struct bb_loop *l = bb_container_of(timer, struct bb_loop, head_inbox);
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, head_inbox);
 	struct bb_link_message packet;
 	struct bb_message m;
 	(void)scheduled_ns;

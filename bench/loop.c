@@ -10,7 +10,7 @@
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
 #define BARRIER_DROP_AFTER 3
 
-unsigned bb_loop_head(const struct bb_loop *l)
+unsigned bb_loop_head(const struct bb_frame_loop *l)
 {
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (l->room->nodes[i].head)
@@ -18,7 +18,7 @@ unsigned bb_loop_head(const struct bb_loop *l)
 	return 0;
 }
 
-void bb_loop_say(struct bb_loop *l, unsigned from, unsigned to, const struct bb_message *m)
+void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m)
 {
 	const int64_t now_ns = bb_clock_now_ns(l->clk);
 
@@ -32,14 +32,14 @@ void bb_loop_say(struct bb_loop *l, unsigned from, unsigned to, const struct bb_
 	}
 }
 
-void bb_loop_path_point(struct bb_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked)
+void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked)
 {
 	if (l->result->n_path < l->path_cap)
 		l->result->path[l->result->n_path++] =
 			(struct bb_path_point){ (double)(at_ns - l->scene_start_ns) * 1e-9, *truth, *tracked };
 }
 
-struct bb_image *bb_loop_canvas(struct bb_loop *l, const struct bb_screen *screen)
+struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen)
 {
 	const double scale = l->scene->pictures.scale > 0 ? l->scene->pictures.scale : 1;
 	const uint32_t w = (uint32_t)fmax(1, scale * (double)screen->display.width_px);
@@ -53,7 +53,7 @@ struct bb_image *bb_loop_canvas(struct bb_loop *l, const struct bb_screen *scree
 
 /* ---- creation ---- */
 
-static void find_pace(struct bb_loop *l)
+static void find_pace(struct bb_frame_loop *l)
 {
 	const struct bb_display_config *d = l->room->n_screens ? &l->room->screens[0].display : NULL;
 
@@ -65,7 +65,7 @@ static void find_pace(struct bb_loop *l)
 	l->frame_ns = bb_rate_period_ns(l->frame_rate);
 }
 
-static enum bb_status create_stream(struct bb_loop *l, struct bb_node_machine *n)
+static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_machine *n)
 {
 	const struct bb_run_options *o = l->options;
 	const double mib = o->memory_mib >= 0 ? o->memory_mib : l->scene->memory_mib;
@@ -94,10 +94,9 @@ struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct
 	return p;
 }
 
-static enum bb_status create_node(struct bb_loop *l, uint16_t index, struct bb_error *err)
+static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struct bb_error *err)
 {
 	struct bb_node_machine *n = &l->nodes[index];
-	char path[BB_PATH_MAX_BYTES];
 	size_t at = 0;
 
 	n->loop = l;
@@ -115,15 +114,14 @@ static enum bb_status create_node(struct bb_loop *l, uint16_t index, struct bb_e
 	for (uint16_t i = 0; i < l->room->n_screens; i++)
 		if (l->room->screens[i].node == index)
 			n->screens[at++] = i;
-	snprintf(path, sizeof(path), "rooms/profiles/%s.yaml", l->room->nodes[index].profile);
-	enum bb_status status = bb_profile_load(path, &n->profile, err);
+	enum bb_status status = bb_profile_load_for(l->room->path, l->room->nodes[index].profile, &n->profile, err);
 	if (status != BB_OK || !n->n_screens)
 		return status;
 	l->drawing_nodes |= UINT64_C(1) << index;
 	return create_stream(l, n);
 }
 
-static enum bb_status create_tracker(struct bb_loop *l)
+static enum bb_status create_tracker(struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
 	double sigma_px = 0.02;
@@ -140,7 +138,7 @@ static enum bb_status create_tracker(struct bb_loop *l)
 	return bb_tracker_create(&c, &l->tracker);
 }
 
-static enum bb_status start_cameras(struct bb_loop *l)
+static enum bb_status start_cameras(struct bb_frame_loop *l)
 {
 	for (size_t i = 0; i < l->room->n_cameras; i++) {
 		if (!l->rig->cameras[i])
@@ -154,7 +152,7 @@ static enum bb_status start_cameras(struct bb_loop *l)
 	return BB_OK;
 }
 
-static void take_slots(struct bb_loop *l)
+static void take_slots(struct bb_frame_loop *l)
 {
 	for (size_t i = 0; i < l->room->n_gamepads; i++)
 		if (l->rig->gamepads[i])
@@ -170,7 +168,7 @@ static void take_slots(struct bb_loop *l)
 	}
 }
 
-static bool take_memory(struct bb_loop *l)
+static bool take_memory(struct bb_frame_loop *l)
 {
 	const struct bb_room *r = l->room;
 
@@ -193,7 +191,7 @@ static bool take_memory(struct bb_loop *l)
 	       l->result->path;
 }
 
-enum bb_status bb_loop_create(struct bb_loop *l, struct bb_error *err)
+enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 {
 	enum bb_status status = BB_OK;
 
@@ -219,7 +217,7 @@ enum bb_status bb_loop_create(struct bb_loop *l, struct bb_error *err)
 	return BB_OK;
 }
 
-void bb_loop_destroy(struct bb_loop *l)
+void bb_loop_destroy(struct bb_frame_loop *l)
 {
 	bb_clock_disarm(l->clk, &l->begin);
 	bb_clock_disarm(l->clk, &l->send);
@@ -253,7 +251,7 @@ void bb_loop_destroy(struct bb_loop *l)
 /* ---- running ---- */
 
 /* Projector shutters switch with the glasses: every stage gets the emitter's delay. */
-static enum bb_status start_shutters(struct bb_loop *l)
+static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
 	const struct bb_shutter_config *c = &l->room->chain;
 	const int64_t delay_ns = (int64_t)(c->emitter_offset_us * 1e3);
@@ -270,7 +268,7 @@ static enum bb_status start_shutters(struct bb_loop *l)
 	return status;
 }
 
-static enum bb_status start_links(struct bb_loop *l)
+static enum bb_status start_links(struct bb_frame_loop *l)
 {
 	const unsigned head = bb_loop_head(l);
 	enum bb_status status = bb_link_notify(l->rig->link, (uint16_t)head, &l->head_inbox);
@@ -281,7 +279,7 @@ static enum bb_status start_links(struct bb_loop *l)
 	return status;
 }
 
-enum bb_status bb_loop_run(struct bb_loop *l, struct bb_error *err)
+enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 {
 	const double duration_s = l->options->duration_s > 0 ? l->options->duration_s : l->scene->duration_s;
 	/* A quarter of a second for edges, camera clocks and pose to settle before the scene's time 0. */

@@ -12,7 +12,8 @@
 #ifndef BB_BENCH_LOOP_H
 #define BB_BENCH_LOOP_H
 
-#include "bench/cost.h"
+#include "hal/profile.h"
+#include "render/stream/stream.h"
 #include "bench/ledger.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
@@ -54,10 +55,10 @@ struct bb_frame {
 	unsigned view_flags;
 };
 
-struct bb_loop;
+struct bb_frame_loop;
 
 struct bb_node_machine { /* one node of the room */
-	struct bb_loop *loop;
+	struct bb_frame_loop *loop;
 	uint16_t index;
 	size_t n_screens;
 	uint16_t *screens;                /* indices into room->screens */
@@ -70,7 +71,7 @@ struct bb_node_machine { /* one node of the room */
 	uint16_t source;                  /* in the event log */
 };
 
-struct bb_loop {
+struct bb_frame_loop {
 	const struct bb_run_options *options;
 	const struct bb_room *room;
 	const struct bb_scene *scene;
@@ -123,10 +124,10 @@ struct bb_loop {
 	uint64_t n_torn, n_late, n_swaps;
 };
 
-BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_loop *loop, struct bb_error *err);
-void bb_loop_destroy(struct bb_loop *loop);
+BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_frame_loop *loop, struct bb_error *err);
+void bb_loop_destroy(struct bb_frame_loop *loop);
 /* Runs the scene from now on; returns when it is over. */
-BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_loop *loop, struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_frame_loop *loop, struct bb_error *err);
 
 /* What head and nodes say to each other, as bytes on the link (one build, one machine: native layout). */
 enum bb_message_kind { BB_MESSAGE_STATE = 0x6201, BB_MESSAGE_ARRIVE, BB_MESSAGE_RELEASE };
@@ -139,14 +140,14 @@ struct bb_message {
 };
 
 /* Between the loop's files. */
-struct bb_frame *bb_loop_frame(struct bb_loop *l, uint64_t frame); /* NULL once closed */
-unsigned bb_loop_head(const struct bb_loop *l);
+struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame); /* NULL once closed */
+unsigned bb_loop_head(const struct bb_frame_loop *l);
 /* A message over the link; to itself a node speaks directly. */
-void bb_loop_say(struct bb_loop *l, unsigned from, unsigned to, const struct bb_message *m);
-void bb_loop_path_point(struct bb_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
+void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m);
+void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *volume);
-struct bb_image *bb_loop_canvas(struct bb_loop *l, const struct bb_screen *screen);
-void bb_head_hear(struct bb_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
+struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
+void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
@@ -154,10 +155,10 @@ int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
-void bb_node_flips(struct bb_loop *l, struct bb_node_machine *n);
-void bb_shutters_read(struct bb_loop *l, int64_t now_ns);
-void bb_track_read(struct bb_loop *l, struct bb_frame *f, int64_t now_ns);
-void bb_pads_read(struct bb_loop *l, int64_t now_ns);
-void bb_frames_close(struct bb_loop *l, uint64_t before);
+void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);
+void bb_shutters_read(struct bb_frame_loop *l, int64_t now_ns);
+void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
+void bb_frames_close(struct bb_frame_loop *l, uint64_t before);
 
 #endif

@@ -15,7 +15,7 @@ static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_
 /* Views of every screen for every eye; navigation carries the room through the world like a vehicle. */
 static void make_views(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	const struct bb_pose eyes = bb_pose_mul(&m->navigation, &m->eyes);
 	const struct bb_vec3 fallback = bb_pose_apply(&m->navigation, l->room->neutral);
 	struct bb_vec3 eye[2];
@@ -36,7 +36,7 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 
 static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	const struct bb_display_config *d = &l->room->screens[n->screens[0]].display;
 	struct bb_stream_counts c = { 0 };
 
@@ -65,7 +65,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 
 static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	const struct bb_vec3 hand = bb_pose_apply(&m->eyes, (struct bb_vec3){ 0.2, -0.3, -0.5 });
 	struct bb_vec3 cursor = hand;
 
@@ -85,7 +85,7 @@ static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 /* Posix: every view is really drawn, at the scene's picture scale. */
 static void draw_all(struct bb_node_machine *n, const struct bb_message *m)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 
 	for (size_t v = 0; v < n->n_views; v++) {
 		const struct bb_screen *s = &l->room->screens[n->screens[v / l->n_eyes]];
@@ -101,14 +101,14 @@ static void draw_all(struct bb_node_machine *n, const struct bb_message *m)
 	}
 }
 
-static int64_t plant_ns(const struct bb_loop *l, const struct bb_node_machine *n, int64_t now_ns)
+static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_machine *n, int64_t now_ns)
 {
 	return l->options->plant_draw_ns + (l->world ? sim_world_node_delay_ns(l->world, n->index, now_ns) : 0);
 }
 
 static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	struct bb_frame *f = bb_loop_frame(l, m->frame);
 
 	if (l->world && sim_world_node_dead(l->world, n->index, now_ns))
@@ -116,8 +116,9 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
-	int64_t selected_ns = now_ns + bb_cost_select_ns(&n->profile, &c);
-	int64_t ready_ns = selected_ns + bb_cost_draw_ns(&n->profile, &c, n->n_views) + plant_ns(l, n, now_ns);
+	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.wanted);
+	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) +
+	                   bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes);
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
 		draw_all(n, m);
@@ -137,7 +138,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_node_machine *n = bb_container_of(timer, struct bb_node_machine, ready);
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	struct bb_frame *f = bb_loop_frame(l, n->frame);
 	const struct bb_message m = { .kind = BB_MESSAGE_ARRIVE, .frame = n->frame };
 
@@ -155,7 +156,7 @@ int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 }
 
 /* Frame-sequential: the left image belongs to a vblank at which the glasses open the left eye. */
-static uint32_t left_target(const struct bb_loop *l, struct bb_display *d, const struct bb_vblank *v)
+static uint32_t left_target(const struct bb_frame_loop *l, struct bb_display *d, const struct bb_vblank *v)
 {
 	const int64_t period_ns = bb_display_limits(d)->period_ns;
 	const int64_t middle_ns = v->at_ns + period_ns + period_ns / 2;
@@ -165,7 +166,7 @@ static uint32_t left_target(const struct bb_loop *l, struct bb_display *d, const
 
 static void present(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
 {
-	struct bb_loop *l = n->loop;
+	struct bb_frame_loop *l = n->loop;
 	struct bb_frame *f = bb_loop_frame(l, m->frame);
 
 	if (f)
@@ -195,7 +196,7 @@ static void present(struct bb_node_machine *n, const struct bb_message *m, int64
 	}
 }
 
-static void note_flip(struct bb_loop *l, uint16_t screen, const struct bb_flip *flip)
+static void note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_flip *flip)
 {
 	struct bb_frame *f = bb_loop_frame(l, flip->frame);
 	const int64_t period_ns = bb_display_limits(l->rig->displays[screen])->period_ns;
@@ -227,7 +228,7 @@ static void note_flip(struct bb_loop *l, uint16_t screen, const struct bb_flip *
 	f->n_flips++;
 }
 
-void bb_node_flips(struct bb_loop *l, struct bb_node_machine *n)
+void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 {
 	struct bb_flip flips[8];
 	size_t count;

@@ -15,7 +15,7 @@ struct bb_outcome_sources { /* all borrowed */
 	const struct sim_world *world;
 	struct bb_watch *watch;
 	const struct bb_facility *facility;
-	const struct bb_loop *loop;
+	const struct bb_frame_loop *loop;
 	const struct bb_pictures *pictures;
 	const struct bb_renderer *renderer;
 	const struct bb_volume *volume;

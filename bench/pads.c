@@ -19,7 +19,7 @@ static float most_deflection(const struct bb_pad_report *r)
 }
 
 /* Newest report of a pad that still drives; false: neutral, silent or gone. */
-static bool drives(struct bb_loop *l, size_t i, int64_t now_ns)
+static bool drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 {
 	struct bb_gamepad *g = l->rig->gamepads[i];
 	struct bb_pad_report reports[16];
@@ -50,7 +50,7 @@ static double clamp(double v, double most)
 	return fmax(-most, fmin(most, v));
 }
 
-void bb_pads_read(struct bb_loop *l, int64_t now_ns)
+void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const double dt_s = l->pad_read_ns ? fmin(0.05, (double)(now_ns - l->pad_read_ns) * 1e-9) : 0;
 	struct bb_pose *nav = &l->navigation;

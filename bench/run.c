@@ -43,7 +43,7 @@ struct work { /* everything between the files and the result */
 	struct bb_facility *facility;
 	struct bb_renderer *renderer;
 	struct bb_pictures *pictures;
-	struct bb_loop loop;
+	struct bb_frame_loop loop;
 	int64_t bring_up_ns;
 };
 
@@ -174,10 +174,10 @@ static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 
 static enum bb_status run_scene(struct work *w, struct bb_error *err)
 {
-	struct bb_loop *l = &w->loop;
+	struct bb_frame_loop *l = &w->loop;
 	const struct bb_scene *scene = w->run->scene;
 
-	*l = (struct bb_loop){ .options = w->o, .room = w->run->room, .scene = scene, .clk = w->clk, .events = &w->events,
+	*l = (struct bb_frame_loop){ .options = w->o, .room = w->run->room, .scene = scene, .clk = w->clk, .events = &w->events,
 		               .rig = &w->rig, .world = w->world, .ledger = w->run->result->ledger,
 		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
 		               .renderer = w->renderer, .volume = w->volume,

@@ -14,7 +14,7 @@ static double phase_limit_us(const struct bb_room *room)
 	return INFINITY;
 }
 
-static void sample_phase(struct bb_loop *l, struct bb_frame *f, int64_t now_ns)
+static void sample_phase(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
 	int64_t offset_ns;
 	unsigned stage;
@@ -46,7 +46,7 @@ static int inverted_stage(const struct bb_phase *p)
 	return -1;
 }
 
-static void watch_polarity(struct bb_loop *l, struct bb_frame *f, int64_t now_ns)
+static void watch_polarity(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
 	const int stage = inverted_stage(&l->phase);
 
@@ -59,7 +59,7 @@ static void watch_polarity(struct bb_loop *l, struct bb_frame *f, int64_t now_ns
 	             "eye polarity inverted: stage %s and the glasses open for different eyes", l->room->chain.stage[stage]);
 }
 
-static void watch_edges(struct bb_loop *l, int64_t now_ns)
+static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const int64_t silent_ns = now_ns - l->edge_ns;
 	const int64_t period_ns = (int64_t)bb_phase_period_ns(&l->phase);
@@ -71,7 +71,7 @@ static void watch_edges(struct bb_loop *l, int64_t now_ns)
 		             "sync lost: no edge for %.1f ms", (double)silent_ns * 1e-6);
 }
 
-void bb_shutters_read(struct bb_loop *l, int64_t now_ns)
+void bb_shutters_read(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_shutter_edge edges[READ_AT_ONCE];
 	struct bb_frame *f = bb_loop_frame(l, l->n_frames - 1);

@@ -26,7 +26,7 @@ static bool expected(const struct bb_camera_config *c, const struct bb_pose *bod
 	       y < (double)c->height_px - IMAGE_MARGIN_PX;
 }
 
-static void watch_blind(struct bb_loop *l, size_t cam, const struct camera_read *r)
+static void watch_blind(struct bb_frame_loop *l, size_t cam, const struct camera_read *r)
 {
 	const struct bb_body *glasses = &l->room->bodies[0];
 	const struct bb_track_pose pose = bb_tracker_pose(l->tracker, 0, r->mid_ns);
@@ -46,7 +46,7 @@ static void watch_blind(struct bb_loop *l, size_t cam, const struct camera_read 
 }
 
 /* Everything one camera has to say; false when the pool is full. */
-static void read_camera(struct bb_loop *l, size_t cam, size_t *n_reads, int64_t now_ns)
+static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, int64_t now_ns)
 {
 	enum bb_status status = BB_OK;
 
@@ -100,7 +100,7 @@ static struct bb_vec3 centroid(const struct bb_body *body, const struct bb_pose 
 }
 
 /* Against the world's truth, where the figure is defined: four or more cameras with three or more markers. */
-static void judge_solution(struct bb_loop *l, struct bb_frame *f, const struct bb_track_solution *s)
+static void judge_solution(struct bb_frame_loop *l, struct bb_frame *f, const struct bb_track_solution *s)
 {
 	if (!l->world || s->n_cameras < 4 || l->rig->needs[BB_CLASS_CAMERAS] < 0)
 		return;
@@ -117,7 +117,7 @@ static void judge_solution(struct bb_loop *l, struct bb_frame *f, const struct b
 	bb_ledger_sample(l->ledger, BB_METRIC_POSE_ANGLE, &angle);
 }
 
-static void note_newest(struct bb_loop *l, struct bb_frame *f, const struct camera_read *r)
+static void note_newest(struct bb_frame_loop *l, struct bb_frame *f, const struct camera_read *r)
 {
 	const struct bb_camera_config *c = &l->room->cameras[r->camera];
 
@@ -126,7 +126,7 @@ static void note_newest(struct bb_loop *l, struct bb_frame *f, const struct came
 	f->arrived_ns = r->arrived_ns;
 }
 
-void bb_track_read(struct bb_loop *l, struct bb_frame *f, int64_t now_ns)
+void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
 	struct bb_track_solution solutions[SOLUTIONS_MAX];
 	size_t n_reads = 0;
