@@ -15,7 +15,7 @@ struct bb_option {
 	enum bb_option_type type;
 	size_t offset;      /* of the member in the owner's struct: int64_t, double, bool, char[], int */
 	size_t size;        /* BB_OPT_TYPE_TEXT: bytes of the array */
-	double fallback, least, most;
+	double fallback, least, most; /* as written, before scale; TEXT: least bytes */
 	double scale;       /* F64 and I64 are stored times this: a key in mm lands in a member in m with 1e-3 */
 	const char *words;  /* BB_OPT_TYPE_ENUM: "dlp|lcd|led", value = index; TEXT: the default */
 	bool required;
@@ -27,6 +27,9 @@ struct bb_option {
 #define BB_OPT_F64(type, member, def, lo, hi, text) \
 	{ #member, BB_OPT_TYPE_F64, offsetof(type, member), 0, def, lo, hi, 1, NULL, false, text }
 #define BB_OPT_END { NULL, BB_OPT_TYPE_I64, 0, 0, 0, 0, 0, 0, NULL, false, NULL }
+
+/* Is `word` nearer to `asked` than anything so far (*distance)? Returns the nearer of word and best. */
+const char *bb_nearer(const char *asked, const char *word, const char *best, size_t *distance);
 
 /* Set every member of the table to its default. */
 void bb_options_defaults(const struct bb_option *table, void *target);

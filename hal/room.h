@@ -35,6 +35,7 @@ struct bb_wall {
 	int64_t width_px, height_px; /* of the whole wall without bezels */
 	int64_t columns, rows;   /* 1 x 1 when untiled */
 	double bezel_edge_m;
+	int64_t door_column, door_row, door_columns, door_rows; /* tiles of a part that swings open; 0 columns: none */
 	int line;
 };
 
@@ -99,6 +100,20 @@ struct bb_finding {
 };
 /* Fills up to cap findings and returns how many there are in all. Never allocates. */
 size_t bb_room_lint(const struct bb_room *room, struct bb_finding *findings, size_t cap);
+
+/* Every row of the tables a room file is read through, for --help and the manual: section by section, NULL past the
+ * end. */
+struct bb_option;
+struct bb_room_section {
+	const char *name;
+	const struct bb_option *options;
+};
+const struct bb_room_section *bb_room_section(size_t i);
+
+/* Is a point inside the room: behind no wall, and between walls that face each other? slack_m widens the room. */
+bool bb_room_contains(const struct bb_room *room, struct bb_vec3 p, double slack_m);
+/* Does a camera have this point in its picture (behind nothing, lens distortion included)? */
+bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p);
 
 /* Index by id; -1 when there is none. */
 int bb_room_node(const struct bb_room *room, const char *id);

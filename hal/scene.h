@@ -53,11 +53,22 @@ struct bb_scene {
 BB_MUST_CHECK enum bb_status bb_scene_load(const char *path, struct bb_scene **out, struct bb_error *err);
 void bb_scene_free(struct bb_scene *scene);
 
-/* A head or wand path: key poses "t_s x_m y_m z_m yaw_deg pitch_deg roll_deg" a line, sway lines
- * "sway axis amplitude_mm hz"; positions by monotone cubics, orientation by slerp between neighbours. Pure. */
+/*
+ * A head or wand path: key poses "t_s x_m y_m z_m yaw_deg pitch_deg roll_deg" a line, sway lines
+ * "sway axis amplitude hz" (axis x y z in mm; yaw pitch roll in degrees), "#" comments. Positions and the three angles
+ * run on monotone cubics (Fritsch and Carlson): no overshoot, and speed and turning rate are continuous, which slerp
+ * between keys would not give. Yaw takes the short way between neighbours. Pure.
+ */
 struct bb_path;
 BB_MUST_CHECK enum bb_status bb_path_load(const char *file, struct bb_path **out, struct bb_error *err);
 void bb_path_free(struct bb_path *path);
+/* Every row of the tables a scene file is read through; NULL past the end. */
+struct bb_option;
+struct bb_scene_section {
+	const char *name;
+	const struct bb_option *options;
+};
+const struct bb_scene_section *bb_scene_section(size_t i);
 /* Pose of the eyes' midpoint at t (ns from scene start); before the first and after the last key: held. */
 struct bb_pose bb_path_at(const struct bb_path *path, int64_t t_ns);
 int64_t bb_path_duration_ns(const struct bb_path *path);

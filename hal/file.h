@@ -1,0 +1,20 @@
+/*
+ * hal/file.h: small text files read whole, as hostile as they come: only regular files, never above the cap, and the
+ * rule which relative paths a configuration may name.
+ */
+#ifndef BB_HAL_FILE_H
+#define BB_HAL_FILE_H
+
+#include "hal/status.h"
+
+#define BB_TEXT_FILE_CAP_BYTES (1u << 20)
+
+/* The whole file, malloc'ed, with a NUL after its last byte; *out is NULL on failure. 1001, 1002, 1003, 1018. */
+BB_MUST_CHECK enum bb_status bb_file_read(const char *path, size_t cap_bytes, char **out, size_t *n_out,
+                                          struct bb_error *err);
+/* Text only: 1004 empty, 1006 control bytes, 1007 byte order mark, with the line they stand in. */
+BB_MUST_CHECK enum bb_status bb_file_check_text(const char *path, const char *text, size_t n, struct bb_error *err);
+/* May a configuration name this file? Not empty, relative, no ".." component. */
+bool bb_path_is_tame(const char *path);
+
+#endif
