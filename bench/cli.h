@@ -45,6 +45,15 @@ BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char 
 /* Prints err on standard error and returns the exit code for status. */
 int bb_cli_fail(enum bb_status status, const struct bb_error *err);
 
+/* Takes a command line apart; commands end with NULL. BB_SKIPPED: help or version was asked for (cli->command is the
+ * command to explain, NULL for all; option "version" is set for the version). Errors 1701 and 1703. */
+BB_MUST_CHECK enum bb_status bb_cli_parse(const struct bb_command *const *commands, int argc, const char *const *argv,
+                                          struct bb_cli *cli, struct bb_error *err);
+/* Parses, helps or runs; the whole of main(). Returns the exit code. */
+int bb_cli_main(const struct bb_command *const *commands, int argc, const char *const *argv);
+/* The git revision this was built from, "unknown" without one. */
+const char *bb_revision(void);
+
 /* Every command: one file bench/cmd_<name>.c each, listed in bench/main.c. */
 extern const struct bb_command bb_cmd_run, bb_cmd_room_check, bb_cmd_room_draw, bb_cmd_devices, bb_cmd_doctor,
 	bb_cmd_bench, bb_cmd_compare, bb_cmd_trade;

@@ -15,7 +15,7 @@
 /* Above these a run is a soak: its head is kept, its tail is tallied. Pages that are never touched cost nothing. */
 #define SPANS_MOST ((size_t)4 << 20)
 #define MARKS_MOST ((size_t)4 << 20)
-#define SAMPLES_MOST ((size_t)1 << 20)
+#define SAMPLES_MOST ((size_t)1 << 19)
 #define ROWS_MOST ((size_t)1 << 20)
 
 struct series {
