@@ -10,6 +10,18 @@
 #define MOST_STEP_VOXELS 64.0
 #define PARALLEL_M 1e-12 /* a direction component below this meets its two planes infinitely far away */
 
+/* A step is measured in voxels along the volume's longest edge, as the streamer counts it. */
+static double step_length_m(const struct bb_volume *v, struct bb_vec3 size_m, double step_voxels)
+{
+	const double edge_m[3] = { size_m.x, size_m.y, size_m.z };
+	int longest = 0;
+
+	for (int a = 1; a < 3; a++)
+		if (edge_m[a] > edge_m[longest])
+			longest = a;
+	return step_voxels * edge_m[longest] / v->dim[longest];
+}
+
 static bool positive(double x)
 {
 	return x > 0 && x < 1e6;
@@ -37,9 +49,7 @@ enum bb_status bb_rays_make(const struct bb_draw *draw, uint32_t width, uint32_t
 	out->down_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->lower_left, c->upper_left));
 	out->dim = (struct bb_vec3){ volume->dim[0], volume->dim[1], volume->dim[2] };
 	out->voxels_per_m = (struct bb_vec3){ out->dim.x / size_m.x, out->dim.y / size_m.y, out->dim.z / size_m.z };
-	/* The voxel's longest edge is the unit of a step. */
-	out->step_m = draw->step_voxels /
-	              fmin(out->voxels_per_m.x, fmin(out->voxels_per_m.y, out->voxels_per_m.z));
+	out->step_m = step_length_m(volume, size_m, draw->step_voxels);
 	return BB_OK;
 }
 

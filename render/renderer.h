@@ -2,8 +2,8 @@
  * render/renderer.h: draws one view of the atlas. Back ends: "gl" (GLSL on an offscreen context, OSMesa or EGL) and
  * "reference" (double precision on the CPU, slow, full resolution: the judge).
  *
- * Front-to-back compositing, premultiplied; a sample every step_voxels voxels measured along the longest-edge voxel
- * size, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
+ * Front-to-back compositing, premultiplied; a sample every step_voxels voxels as measured along the volume's longest
+ * edge, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
  * the step; linear in space and time; background black. All back ends sample at the same points.
  *
  * Voxel centres lie at integers (as in bb_volume_sample) and the box reaches from -0.5 to dim - 0.5: the outer half

@@ -46,43 +46,12 @@ void bb_gl_textures_release(struct bb_gl_textures *t, const struct bb_gl *gl)
 	gl->DeleteTextures(BB_GL_UNITS, t->name);
 	free(t->seen);
 	free(t->map);
-	free(t->range);
 	*t = (struct bb_gl_textures){ 0 };
 }
 
 static size_t cells_of(const struct bb_atlas *atlas)
 {
 	return (size_t)atlas->grid[0] * atlas->grid[1] * atlas->grid[2];
-}
-
-/* Least and most of the 17^3 voxels that samples of a brick can touch. */
-static void brick_range(const struct bb_volume *v, const uint32_t brick[3], uint32_t step, uint16_t out[2])
-{
-	out[0] = UINT16_MAX;
-	out[1] = 0;
-	for (int64_t z = 0; z <= BB_BRICK_EDGE; z++)
-		for (int64_t y = 0; y <= BB_BRICK_EDGE; y++)
-			for (int64_t x = 0; x <= BB_BRICK_EDGE; x++) {
-				const uint16_t value = bb_volume_voxel(v, brick[0] * BB_BRICK_EDGE + x,
-				                                       brick[1] * BB_BRICK_EDGE + y,
-				                                       brick[2] * BB_BRICK_EDGE + z, step);
-				out[0] = value < out[0] ? value : out[0];
-				out[1] = value > out[1] ? value : out[1];
-			}
-}
-
-/* Between two steps a brick shows every value between theirs, so that two invisible bricks can be visible half-way.
- * That needs the ranges and not only the atlas's flags. */
-static void fill_ranges(struct bb_gl_textures *t, const struct bb_atlas *atlas, const struct bb_volume *v)
-{
-	uint16_t *out = t->range;
-	uint32_t b[3];
-
-	for (uint32_t step = 0; step < atlas->n_steps; step++)
-		for (b[2] = 0; b[2] < atlas->grid[2]; b[2]++)
-			for (b[1] = 0; b[1] < atlas->grid[1]; b[1]++)
-				for (b[0] = 0; b[0] < atlas->grid[0]; b[0]++, out += 2)
-					brick_range(v, b, step, out);
 }
 
 /* Slots side by side in a block as near to a cube as the driver's limit asks for. */
@@ -106,22 +75,19 @@ static enum bb_status adopt(struct bb_gl_textures *t, const struct bb_gl *gl, co
 
 	free(t->seen);
 	free(t->map);
-	free(t->range);
 	t->stream = NULL;
 	t->transfer = NULL;
 	t->map_valid = false;
 	t->coarse_step[0] = t->coarse_step[1] = NO_STEP;
 	t->seen = malloc((atlas->n_slots + (size_t)1) * sizeof(*t->seen));
 	t->map = malloc(n_cells * 2 * sizeof(*t->map));
-	t->range = malloc(n_cells * atlas->n_steps * 2 * sizeof(*t->range));
-	if (!t->seen || !t->map || !t->range)
+	if (!t->seen || !t->map)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "maps of %zu bricks", n_cells);
 	memset(t->seen, 0xFF, atlas->n_slots * sizeof(*t->seen)); /* no generation is that old */
 	t->generation = UINT64_MAX;
 	if (!lay_out(t, atlas->n_slots))
 		return bb_fail(err, BB_ERR_RANGE, 1805, NULL, "%" PRIu32 " bricks, textures end at %d", atlas->n_slots,
 		               t->max_3d);
-	fill_ranges(t, atlas, bb_stream_config(draw->stream)->volume);
 	bind(gl, t, BB_GL_ATLAS);
 	gl->TexImage3D(GL_TEXTURE_3D, 0, GL_R16, (GLsizei)t->slots_across[0] * BB_BRICK_STORED,
 	               (GLsizei)t->slots_across[1] * BB_BRICK_STORED, (GLsizei)t->slots_across[2] * BB_BRICK_STORED, 0,
@@ -173,15 +139,12 @@ static struct pair pair_at(double time, uint32_t n_steps)
 	return (struct pair){ { first, next }, time <= first || next == first };
 }
 
-static bool invisible(const struct bb_gl_textures *t, const struct bb_atlas *atlas, const struct bb_transfer *tf,
-                      const struct pair *p, size_t cell)
+/* The flags look ahead to the neighbouring steps: two bricks that show nothing can be seen through half-way. */
+static bool invisible(const struct bb_atlas *atlas, const struct pair *p, size_t cell)
 {
 	const size_t n_cells = cells_of(atlas);
-	const uint16_t *a = t->range + (p->step[0] * n_cells + cell) * 2;
-	const uint16_t *b = p->one ? a : t->range + (p->step[1] * n_cells + cell) * 2;
-	const uint16_t least = a[0] < b[0] ? a[0] : b[0], most = a[1] > b[1] ? a[1] : b[1];
 
-	return bb_transfer_most_opacity(tf, least / 65535.0, most / 65535.0) <= 0;
+	return atlas->empty[p->step[0] * n_cells + cell] && (p->one || atlas->empty[p->step[1] * n_cells + cell]);
 }
 
 static int32_t packed(const struct bb_gl_textures *t, int32_t slot)
@@ -195,13 +158,13 @@ static int32_t packed(const struct bb_gl_textures *t, int32_t slot)
 }
 
 static uint64_t send_map(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_atlas *atlas,
-                         const struct bb_transfer *tf, const struct pair *p)
+                         const struct pair *p)
 {
 	const size_t n_cells = cells_of(atlas);
 	bool changed = !t->map_valid;
 
 	for (size_t cell = 0; cell < n_cells; cell++) {
-		const bool empty = invisible(t, atlas, tf, p, cell);
+		const bool empty = invisible(atlas, p, cell);
 		for (size_t k = 0; k < 2; k++) {
 			const uint32_t step = p->one ? p->step[0] : p->step[k];
 			const int32_t now = empty ? EMPTY : packed(t, atlas->slot[step * n_cells + cell]);
@@ -278,7 +241,7 @@ enum bb_status bb_gl_textures_update(struct bb_gl_textures *t, const struct bb_g
 			return st;
 	}
 	*upload_bytes += send_slots(t, gl, atlas);
-	*upload_bytes += send_map(t, gl, atlas, tf, &p);
+	*upload_bytes += send_map(t, gl, atlas, &p);
 	*upload_bytes += send_coarse(t, gl, atlas, &p);
 	*upload_bytes += send_table(t, gl, draw, tf, err);
 	if (err->number)

@@ -24,8 +24,7 @@ struct bb_gl_textures {
 	uint64_t *seen;  /* [n_slots] generation uploaded */
 	int32_t *map;    /* [grid cells][2] as uploaded */
 	bool map_valid;
-	uint16_t *range; /* [n_steps][grid cells][2] least and most of what a brick can show */
-	int max_3d, max_1d;
+	int max_3d;
 };
 
 void bb_gl_textures_init(struct bb_gl_textures *t, const struct bb_gl *gl);
