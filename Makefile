@@ -45,7 +45,7 @@ $(PROGRAM): $B/bench/main.o $B/libblackburst.a
 
 $B/libblackburst.a: $(LIB_SRC:%.c=$B/%.o)
 	@rm -f $@
-	@$(AR) rcs $@ $^
+	@$(AR) qcs $@ $^
 
 $B/%.o: %.c Makefile
 	@mkdir -p $(@D)

@@ -83,55 +83,6 @@ void bb_file_abort(struct bb_file *f)
 	unlink(f->part);
 }
 
-/* The size is not believed: a pipe or a /proc file claims 0 and delivers more. */
-static enum bb_status slurp(FILE *in, const char *path, size_t most_bytes, char **out, size_t *n_out,
-                            struct bb_error *err)
-{
-	const struct bb_where where = { path, 0, 0 };
-	size_t cap = 4096, n = 0;
-	char *text = malloc(cap);
-
-	while (text) {
-		n += fread(text + n, 1, cap - 1 - n, in);
-		if (n > most_bytes) {
-			free(text);
-			return bb_fail(err, BB_ERR_CONFIG, 1003, &where, "more than %zu bytes", most_bytes);
-		}
-		if (n < cap - 1)
-			break;
-		cap *= 2;
-		char *more = realloc(text, cap);
-		if (!more)
-			free(text);
-		text = more;
-	}
-	if (!text)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, &where, "reading");
-	if (ferror(in)) {
-		free(text);
-		return bb_fail(err, BB_ERR_IO, 1002, &where, "%s", strerror(errno));
-	}
-	text[n] = '\0';
-	*out = text;
-	*n_out = n;
-	return BB_OK;
-}
-
-enum bb_status bb_file_read(const char *path, size_t most_bytes, char **out, size_t *n_out, struct bb_error *err)
-{
-	const struct bb_where where = { path, 0, 0 };
-	enum bb_status st;
-	FILE *in = fopen(path, "rbe");
-
-	*out = NULL;
-	*n_out = 0;
-	if (!in)
-		return bb_fail(err, BB_ERR_IO, 1001, &where, "%s", strerror(errno));
-	st = slurp(in, path, most_bytes, out, n_out, err);
-	fclose(in);
-	return st;
-}
-
 /* Bytes of the well-formed UTF-8 character at s (Unicode table 3-7: no overlong forms, no surrogates), 0 if none. */
 static size_t utf8_length(const unsigned char *s)
 {

@@ -5,6 +5,7 @@
 #ifndef BB_BENCH_FILE_H
 #define BB_BENCH_FILE_H
 
+#include "hal/file.h"
 #include "hal/status.h"
 
 #include <stdio.h>
@@ -17,10 +18,6 @@ struct bb_file { /* the caller's memory */
 BB_MUST_CHECK enum bb_status bb_file_begin(struct bb_file *f, const char *path, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_file_commit(struct bb_file *f, struct bb_error *err);
 void bb_file_abort(struct bb_file *f);
-
-/* The whole file with a NUL behind it; malloc'ed. 1001, 1002, 1003 when it is longer than most_bytes. */
-BB_MUST_CHECK enum bb_status bb_file_read(const char *path, size_t most_bytes, char **out, size_t *n_out,
-                                          struct bb_error *err);
 
 /* Text for HTML and XML: markup escaped, control bytes and broken UTF-8 shown as U+FFFD. */
 void bb_put_markup(FILE *out, const char *text);

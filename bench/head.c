@@ -88,7 +88,8 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	bb_pads_read(l, scheduled_ns);
 
 	const double t_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
-	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s);
+	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
+	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
 	const uint32_t n_steps = l->volume ? l->volume->n_steps : 1;
 	l->steps = steps_at(l->scene, n_steps, t_s);
 	l->next_steps = steps_at(l->scene, n_steps, t_s + 0.25);

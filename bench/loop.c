@@ -279,6 +279,18 @@ static enum bb_status start_links(struct bb_frame_loop *l)
 	return status;
 }
 
+/* Counting metrics start at 0, so that "none in the whole run" is a measurement and not a missing one. */
+static void start_counts(struct bb_frame_loop *l)
+{
+	const struct bb_sample none = { .at_ns = l->scene_start_ns, .node = BB_NOBODY, .stage = BB_STAGE_COUNT };
+
+	bb_ledger_sample(l->ledger, BB_METRIC_LATE_FRAMES, &none);
+	if (l->master_screen >= 0)
+		bb_ledger_sample(l->ledger, BB_METRIC_TORN_FRAMES, &none);
+	if (l->rig->shutter)
+		bb_ledger_sample(l->ledger, BB_METRIC_EYE_SWAPS, &none);
+}
+
 enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 {
 	const double duration_s = l->options->duration_s > 0 ? l->options->duration_s : l->scene->duration_s;
@@ -298,6 +310,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		status = sim_faults_start(l->world);
 	for (size_t i = 0; i < l->room->n_cameras; i++)
 		l->camera_seen_ns[i] = l->scene_start_ns;
+	start_counts(l);
 	l->edge_ns = l->scene_start_ns;
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->begin, l->scene_start_ns);
@@ -305,8 +318,10 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
+	/* The last frames' flips would come after the end: they are let go, not judged. */
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
-	bb_frames_close(l, l->n_frames);
+	if (l->n_frames > 2)
+		bb_frames_close(l, l->n_frames - 2);
 	return BB_OK;
 }

@@ -7,7 +7,6 @@
 #include <sys/utsname.h>
 
 #include "bench/report_html.h"
-#include "bench/room_drawing.h"
 #include "hal/hash.h"
 
 #ifndef BB_REVISION
@@ -264,5 +263,5 @@ enum bb_status bb_outcome_write(const struct bb_run_result *r, const char *dir, 
 	if (!dir || status != BB_OK)
 		return status;
 	snprintf(path, sizeof(path), "%s/report.html", dir);
-	return bb_result_write_html(r, dir, path, err);
+	return bb_report_html_write(r, dir, path, NULL, err);
 }

@@ -109,7 +109,7 @@ char *bb_text_next(struct bb_text *text)
 	return NULL;
 }
 
-enum bb_text_word bb_text_number(char **cursor, double *out)
+enum bb_text_word bb_text_read_number(char **cursor, double *out)
 {
 	char *word = *cursor;
 

@@ -22,6 +22,6 @@ char *bb_text_next(struct bb_text *text);
 
 enum bb_text_word { BB_TEXT_END, BB_TEXT_NUMBER, BB_TEXT_NOT_A_NUMBER };
 /* Takes the next blank-separated word off the cursor. */
-enum bb_text_word bb_text_number(char **cursor, double *out);
+enum bb_text_word bb_text_read_number(char **cursor, double *out);
 
 #endif

@@ -16,7 +16,7 @@ static enum bb_status read_point(char *line, const struct bb_where *where, struc
 	double v[5], spare;
 
 	for (int i = 0; i < 5; i++) {
-		switch (bb_text_number(&line, &v[i])) {
+		switch (bb_text_read_number(&line, &v[i])) {
 		case BB_TEXT_END:
 			return bb_fail(err, BB_ERR_FORMAT, 1301, where, "%d numbers instead of five", i);
 		case BB_TEXT_NOT_A_NUMBER:
@@ -27,7 +27,7 @@ static enum bb_status read_point(char *line, const struct bb_where *where, struc
 		if (!(v[i] >= 0 && v[i] <= 1))
 			return bb_fail(err, BB_ERR_FORMAT, 1303, where, "the %s is %g", name[i], v[i]);
 	}
-	if (bb_text_number(&line, &spare) != BB_TEXT_END)
+	if (bb_text_read_number(&line, &spare) != BB_TEXT_END)
 		return bb_fail(err, BB_ERR_FORMAT, 1301, where, "more than five words");
 	*out = (struct bb_transfer_point){ v[0], v[1], v[2], v[3], v[4] };
 	return BB_OK;

@@ -41,13 +41,13 @@ static enum bb_status numbers(char *value, int n, double least, double most, boo
 	double spare;
 
 	for (int i = 0; i < n; i++) {
-		if (bb_text_number(&value, &out[i]) != BB_TEXT_NUMBER)
+		if (bb_text_read_number(&value, &out[i]) != BB_TEXT_NUMBER)
 			return bb_fail(err, BB_ERR_FORMAT, 1422, where, "%d number%s wanted", n, n > 1 ? "s" : "");
 		if (!(out[i] >= least && out[i] <= most) || (whole && out[i] != (double)(int64_t)out[i]))
 			return bb_fail(err, BB_ERR_FORMAT, 1422, where, "%g is not %s within %g .. %g", out[i],
 			               whole ? "a whole number" : "a number", least, most);
 	}
-	if (bb_text_number(&value, &spare) != BB_TEXT_END)
+	if (bb_text_read_number(&value, &spare) != BB_TEXT_END)
 		return bb_fail(err, BB_ERR_FORMAT, 1422, where, "more than %d number%s", n, n > 1 ? "s" : "");
 	return BB_OK;
 }
