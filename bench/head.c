@@ -31,7 +31,7 @@ static int64_t planned_photon_ns(const struct bb_frame_loop *l, int64_t start_ns
 	if (l->master_screen < 0)
 		return start_ns + l->frame_ns;
 	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[l->master_screen]);
-	const int64_t middle_ns = start_ns + l->frame_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
+	const int64_t middle_ns = start_ns + l->refresh_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
 
 	/* The first eye: with external shutters one of the two is always open. */
 	if (l->room->screens[l->master_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL)
@@ -83,7 +83,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
 	struct bb_frame *f = open_frame(l, now_ns);
-	bb_shutters_read(l, scheduled_ns);
+	bb_shutters_read(l, f, scheduled_ns);
 	bb_track_read(l, f, scheduled_ns);
 	bb_pads_read(l, scheduled_ns);
 
@@ -131,7 +131,15 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 
 /* ---- barrier ---- */
 
-static int64_t next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
+/* May a frame begin at this vblank? Frame-sequential ones begin where the next vblank is the left eye's. */
+static bool begins_here(const struct bb_frame_loop *l, int64_t vblank_ns, int64_t period_ns)
+{
+	if (l->room->screens[l->master_screen].display.stereo != BB_STEREO_FRAME_SEQUENTIAL)
+		return true;
+	return bb_phase_eye_at(&l->phase, vblank_ns + period_ns + period_ns / 2) != BB_EYE_RIGHT;
+}
+
+int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_vblank v;
 
@@ -139,11 +147,12 @@ static int64_t next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 		const int64_t n = (now_ns - l->scene_start_ns) / l->frame_ns + 1;
 		return l->scene_start_ns + bb_rate_frame_ns(l->frame_rate, n);
 	}
-	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[l->master_screen]);
-	const uint32_t per_frame = (uint32_t)(l->frame_ns / d->period_ns ? (l->frame_ns + d->period_ns / 2) / d->period_ns : 1);
-	const uint32_t ahead = per_frame - v.seq % per_frame;
-	const int64_t at_ns = v.at_ns + (int64_t)ahead * d->period_ns + VBLANK_GUARD_NS;
-	return at_ns > now_ns ? at_ns : at_ns + (int64_t)per_frame * d->period_ns;
+	const int64_t period_ns = bb_display_limits(l->rig->displays[l->master_screen])->period_ns;
+	int64_t at_ns = v.at_ns;
+	do
+		at_ns += period_ns;
+	while (at_ns + VBLANK_GUARD_NS <= now_ns || !begins_here(l, at_ns, period_ns));
+	return at_ns + VBLANK_GUARD_NS;
 }
 
 static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
@@ -174,7 +183,7 @@ static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 		f->release_ns = now_ns;
 		f->last_node = r.last;
 		f->missing_nodes = r.missing;
-		f->late = now_ns > f->start_ns + l->frame_ns;
+		f->late = now_ns > f->start_ns + l->refresh_ns;
 		blame_late_node(l, f, now_ns);
 	}
 	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
@@ -183,7 +192,7 @@ static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (l->drawing_nodes >> i & 1)
 			bb_loop_say(l, head, i, &m);
-	if (bb_clock_arm(l->clk, &l->begin, next_begin_ns(l, now_ns)) != BB_OK)
+	if (bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, now_ns)) != BB_OK)
 		bb_clock_stop(l->clk);
 }
 

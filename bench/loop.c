@@ -63,6 +63,7 @@ static void find_pace(struct bb_frame_loop *l)
 	if (d && d->stereo == BB_STEREO_FRAME_SEQUENTIAL)
 		l->frame_rate.den *= 2; /* a frame is a left and a right image */
 	l->frame_ns = bb_rate_period_ns(l->frame_rate);
+	l->refresh_ns = d ? bb_rate_period_ns(d->rate) : l->frame_ns;
 }
 
 static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_machine *n)
@@ -121,6 +122,14 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	return create_stream(l, n);
 }
 
+/* The walls' box, grown to a metre around the viewer: a single screen has no depth of its own. */
+static struct bb_vec3 around(struct bb_vec3 corner, struct bb_vec3 viewer, int sign)
+{
+	return (struct bb_vec3){ sign * fmax(sign * corner.x, sign * viewer.x + 1),
+		                 sign * fmax(sign * corner.y, sign * viewer.y + 1),
+		                 sign * fmax(sign * corner.z, sign * viewer.z + 1) };
+}
+
 static enum bb_status create_tracker(struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
@@ -133,7 +142,8 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
 		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
 		                             .blob_sigma_px = sigma_px, .group_ns = 500000, .freeze_ns = 100000000,
-		                             .room_min = room->min, .room_max = room->max,
+		                             .room_min = around(room->min, room->neutral, -1),
+		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
 	return bb_tracker_create(&c, &l->tracker);
 }
@@ -212,9 +222,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
 	if (status == BB_OK)
 		status = create_tracker(l);
-	if (status != BB_OK)
-		return bb_fail(err, status, 1702, NULL, "the frame loop: %s", bb_status_text(status));
-	return BB_OK;
+	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
 void bb_loop_destroy(struct bb_frame_loop *l)
@@ -311,9 +319,11 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	for (size_t i = 0; i < l->room->n_cameras; i++)
 		l->camera_seen_ns[i] = l->scene_start_ns;
 	start_counts(l);
+	bb_clock_run_until(l->clk, l->scene_start_ns);
+	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
 	l->edge_ns = l->scene_start_ns;
 	if (status == BB_OK)
-		status = bb_clock_arm(l->clk, &l->begin, l->scene_start_ns);
+		status = bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, l->scene_start_ns));
 	if (status != BB_OK)
 		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
 	/* The loop stops the clock itself at its first frame past the end. */

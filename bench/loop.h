@@ -94,7 +94,7 @@ struct bb_frame_loop {
 	struct bb_image canvas;           /* posix: drawn into, grown to the largest screen at creation */
 
 	struct bb_rate frame_rate;        /* of the loop: refresh, or half of it when frame-sequential */
-	int64_t frame_ns;
+	int64_t frame_ns, refresh_ns;     /* a frame may be two refreshes long */
 	unsigned n_eyes;
 	int master_screen;                /* -1: paced by the clock alone */
 	uint64_t drawing_nodes;           /* bits */
@@ -149,6 +149,7 @@ struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns);
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
@@ -156,7 +157,8 @@ int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t n
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);
-void bb_shutters_read(struct bb_frame_loop *l, int64_t now_ns);
+void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns);
+void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
 void bb_frames_close(struct bb_frame_loop *l, uint64_t before);

@@ -71,10 +71,9 @@ static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
 		             "sync lost: no edge for %.1f ms", (double)silent_ns * 1e-6);
 }
 
-void bb_shutters_read(struct bb_frame_loop *l, int64_t now_ns)
+void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_shutter_edge edges[READ_AT_ONCE];
-	struct bb_frame *f = bb_loop_frame(l, l->n_frames - 1);
 	enum bb_status status = BB_OK;
 	size_t n;
 
@@ -91,6 +90,13 @@ void bb_shutters_read(struct bb_frame_loop *l, int64_t now_ns)
 	if (status < 0)
 		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "the chain is gone: %s",
 		             bb_status_text(status));
+}
+
+void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
+{
+	if (!l->rig->shutter)
+		return;
+	bb_shutters_feed(l, now_ns);
 	sample_phase(l, f, now_ns);
 	watch_polarity(l, f, now_ns);
 	watch_edges(l, now_ns);
