@@ -15,7 +15,7 @@ struct bb_gamepad_config {
 	char id[BB_ID_MAX];
 	char device[160];
 	enum bb_pad_model model;
-	char script[BB_PATH_MAX_BYTES]; /* sim: recorded or generated event text; "" = idle */
+	char script[BB_PATH_MAX_BYTES]; /* sim: event text, recorded or written; "" = one generated from the seed */
 };
 
 struct bb_gamepad_limits {
