@@ -114,11 +114,53 @@ static void walk_accuracy(void **state)
 	bb_tracker_destroy(tr);
 }
 
+/* Predicted against true at several horizons, and what doing nothing would give. */
+static void prediction_halves_the_lag(void **state)
+{
+	static const double horizon_ms[] = { 8, 25, 32, 40 };
+	struct sums with[4] = { { 0 } }, without[4] = { { 0 } };
+	struct scene s;
+
+	(void)state;
+	scene_room(&s, 8, 0.05);
+	s.occlude = true;
+	struct bb_tracker *tr = make(&s);
+	for (int i = 0; i < 40 * 120; i++) {
+		struct bb_track_solution sol;
+		s.pose[0] = scene_walk(i * 1e-9 * FRAME_NS);
+		scene_expose(&s, tr, (int64_t)i * FRAME_NS);
+		if (bb_tracker_solve(tr, true, 0, &sol, 1) != 1 || i < 12)
+			continue;
+		for (int h = 0; h < 4; h++) {
+			const int64_t at_ns = (int64_t)i * FRAME_NS + (int64_t)(1e6 * horizon_ms[h]);
+			const struct bb_pose truth = scene_walk(1e-9 * (double)at_ns);
+			const struct bb_vec3 eyes = bb_pose_apply(&truth, s.bodies[0].eye_centre);
+			const struct bb_vec3 still = bb_pose_apply(&sol.body, s.bodies[0].eye_centre);
+			const struct bb_track_pose p = bb_tracker_pose(tr, 0, at_ns);
+			assert_int_equal(p.flags, BB_TRACK_FRESH);
+			add_error(&with[h], 1e3 * bb_vec3_norm(bb_vec3_sub(p.eyes.p, eyes)),
+			          DEG * bb_quat_angle(p.eyes.q, truth.q), p.position_sigma_mm, 0);
+			add_error(&without[h], 1e3 * bb_vec3_norm(bb_vec3_sub(still, eyes)),
+			          DEG * bb_quat_angle(sol.body.q, truth.q), 0, 0);
+		}
+	}
+	for (int h = 0; h < 4; h++) {
+		const double mm = rms(with[h].mm2, with[h].n), deg = rms(with[h].deg2, with[h].n);
+		const double mm0 = rms(without[h].mm2, with[h].n), deg0 = rms(without[h].deg2, with[h].n);
+		printf("[ note ] +%.0f ms: %.2f mm %.2f deg predicted (sigma %.2f mm), %.2f mm %.2f deg not\n", horizon_ms[h], mm,
+		       deg, rms(with[h].sigma_mm2, with[h].n), mm0, deg0);
+		assert_true(horizon_ms[h] < 25 || (mm < 0.5 * mm0 && deg < 0.5 * deg0));
+		assert_true((double)with[h].inside_mm > 0.9 * (double)with[h].n);
+	}
+	bb_tracker_destroy(tr);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(walk_has_the_speed_it_claims),
 		cmocka_unit_test(walk_accuracy),
+		cmocka_unit_test(prediction_halves_the_lag),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -8,6 +8,7 @@
 
 #define PRIOR_AGE_S 1.0       /* an older pose does not decide between twins */
 #define COLD_GATE_PX 8.0
+#define STRANGE 0.2           /* one marker in five that stands beside its place in every camera */
 #define AMBIGUOUS 20.0        /* a rival must be worse by this much squared sigma */
 
 /* Polishes the hypotheses; best and best different rival stay in tr->best and tr->rival. */
@@ -104,6 +105,10 @@ void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, siz
 	judge(tr, set, body);
 	if (!tr->best.ok)
 		by_perspective(tr, set, body);
-	if (tr->best.ok && settle(tr, set, body))
-		bb_track_swap(out, &tr->best);
+	if (!tr->best.ok || !settle(tr, set, body))
+		return;
+	/* Some markers fit and others stand where none should be: a mirror image or a stranger. */
+	if (tr->best.n_markers < tr->bodies[body].body->n_markers && bb_track_doubtful(tr, set, body, &tr->best, STRANGE))
+		return;
+	bb_track_swap(out, &tr->best);
 }

@@ -213,3 +213,38 @@ void bb_track_refine(const struct bb_tracker *tr, const struct bb_track_set *set
 	c->score = BB_TRACK_GATE * BB_TRACK_GATE * (double)c->n_obs - c->fit.chi2;
 	c->ok = c->score > 0;
 }
+
+/* Blobs within the body's outline in one camera that belong to no other body. */
+static size_t blobs_around(const struct bb_tracker *tr, const struct bb_track_view *view, size_t camera, size_t body,
+                           struct bb_vec3 centre)
+{
+	const struct bb_lens *lens = &tr->lenses[camera];
+	double px[2];
+	size_t n = 0;
+
+	if (!view->here || !bb_lens_project(lens, centre, px))
+		return 0;
+	const double reach = 2 + 1.1 * tr->bodies[body].radius_m * lens->fx_px / bb_lens_depth(lens, centre);
+	for (size_t k = 0; k < view->n; k++) {
+		const double dx = (double)view->blobs[k].x_px - px[0], dy = (double)view->blobs[k].y_px - px[1];
+		n += (!view->owner[k] || view->owner[k] == body + 1) && dx * dx + dy * dy < reach * reach;
+	}
+	return n;
+}
+
+bool bb_track_doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
+                       const struct bb_track_candidate *c, double share)
+{
+	const struct bb_vec3 centre = bb_pose_apply(&c->fit.pose, tr->bodies[body].centroid);
+	size_t odd = 0, cameras = 0, next = 0;
+
+	for (size_t i = 0; i < tr->config.n_cameras; i++) {
+		const size_t around = blobs_around(tr, &set->views[i], i, body, centre);
+		size_t mine = 0;
+		for (; next < c->n_obs && c->obs[next].camera == i; next++)
+			mine++;
+		odd += around > mine ? around - mine : 0;
+		cameras += around > mine;
+	}
+	return odd >= 2 && (double)odd > share * (double)c->n_obs && (cameras > 1 || tr->config.n_cameras == 1);
+}

@@ -9,6 +9,7 @@
 #include "sync/track/track.h"
 
 #define SOLVES_MAX 2000
+#define TRIPLES_LEAST 4
 #define BLOBS_MAX 10       /* more blobs than this are a flood, not a body */
 #define NEAR_SIGMAS 20.0   /* a pose from three pixels carries their noise to the others, magnified */
 
@@ -18,7 +19,7 @@ struct scene { /* what stays the same over all labellings */
 	const struct bb_track_body *b;
 	const struct bb_lens *lens;
 	size_t camera, n;
-	size_t solves;
+	size_t solves, triples;
 	double best;
 };
 
@@ -104,9 +105,11 @@ void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set,
 	for (k[0] = 0; k[0] + 2 < s.n; k[0]++)
 		for (k[1] = k[0] + 1; k[1] + 1 < s.n; k[1]++)
 			for (k[2] = k[1] + 1; k[2] < s.n; k[2]++) {
-				/* One triple under all labels shows every twin as well; more triples only help against strays. */
-				if (s.best > all - 0.5 || s.solves > SOLVES_MAX)
+				/* A triple under all labels shows every twin as well, unless noise makes it miss one; more than
+				 * a few triples only help against strays. */
+				if ((s.best > all - 0.5 && s.triples >= TRIPLES_LEAST) || s.solves > SOLVES_MAX)
 					return;
 				all_labels(&s, &tr->cold, k);
+				s.triples++;
 			}
 }

@@ -79,7 +79,7 @@ bool bb_rigid_fit(const struct bb_vec3 *body, const struct bb_vec3 *room, size_t
 	if (!(s1 > 1e-12) || sigma_m * sigma_m > 0.01 * s1)
 		return false;
 	out->pose.q = bb_quat_unit((struct bb_quat){ vectors[4], vectors[8], vectors[12], vectors[0] });
-	out->roll_sigma_rad = sigma_m / sqrt(fmax(s2 + s3, 1e-18));
+	out->roll_sigma_rad = fmin(sigma_m / sqrt(fmax(s2 + s3, 1e-18)), 1.8); /* all round is 1.8 rad rms */
 	out->collinear = out->roll_sigma_rad > BB_ROLL_SIGMA_MAX_RAD || s2 + s3 < 1e-10 * s1;
 	/* Turning a mirror image into place costs 4 |s3| in squared distance; 36 sigma^2 is beyond noise. */
 	out->mirrored = -4 * s3 > fmax(36 * sigma_m * sigma_m, 1e-9 * s1);

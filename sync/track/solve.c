@@ -62,35 +62,12 @@ static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 		claim(set, body, &b->found, true);
 }
 
-/* Blobs near the body that nobody claims: many of them, in several cameras, mean that the labels are wrong. */
-static bool doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body)
-{
-	const struct bb_track_body *b = &tr->bodies[body];
-	const struct bb_vec3 centre = bb_pose_apply(&b->found.fit.pose, b->centroid);
-	size_t odd = 0, cameras = 0;
-
-	for (size_t i = 0; i < tr->config.n_cameras; i++) {
-		double px[2];
-		if (!set->views[i].here || !bb_lens_project(&tr->lenses[i], centre, px))
-			continue;
-		const double reach = 2 + 1.1 * b->radius_m * tr->lenses[i].fx_px / bb_lens_depth(&tr->lenses[i], centre);
-		size_t n = 0;
-		for (size_t k = 0; k < set->views[i].n; k++) {
-			const struct bb_blob *blob = &set->views[i].blobs[k];
-			n += !set->views[i].owner[k] && hypot((double)blob->x_px - px[0], (double)blob->y_px - px[1]) < reach;
-		}
-		odd += n;
-		cameras += n > 0;
-	}
-	return odd >= 2 && 3 * odd > b->found.n_obs && (cameras > 1 || tr->config.n_cameras == 1);
-}
-
 /* After a few doubtful sets start over from nothing and take what explains clearly more. */
 static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 {
 	struct bb_track_body *b = &tr->bodies[body];
 
-	if (!b->found.ok || !doubtful(tr, set, body)) {
+	if (!b->found.ok || !bb_track_doubtful(tr, set, body, &b->found, 1.0 / 3)) {
 		b->doubts = 0;
 		return;
 	}

@@ -105,6 +105,9 @@ size_t bb_track_associate(const struct bb_tracker *tr, const struct bb_track_set
 /* From a rough pose to a polished candidate, or c->ok = false. */
 void bb_track_refine(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
                      const struct bb_pose *start, const struct bb_track_gate *gate, struct bb_track_candidate *c);
+/* Blobs near the body that nobody claims: a good share of the explained ones, in several cameras, means wrong labels. */
+bool bb_track_doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
+                       const struct bb_track_candidate *c, double share);
 /* Cold start for one body; the answer is in out, ok = false when there is none or it is ambiguous. */
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
                       struct bb_track_candidate *out);
