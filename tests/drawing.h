@@ -56,8 +56,8 @@ static inline struct bb_transfer drawing_transfer(size_t n, const struct bb_tran
 static inline struct bb_transfer drawing_smooth(void)
 {
 	static const struct bb_transfer_point points[] = { { 0, 0.1, 0.1, 0.3, 0 },       { 0.15, 0.1, 0.3, 0.6, 0 },
-		                                           { 0.5, 0.9, 0.5, 0.1, 0.02 },  { 0.8, 1, 0.8, 0.3, 0.05 },
-		                                           { 1, 1, 1, 0.9, 0.08 } };
+		                                           { 0.5, 0.9, 0.5, 0.1, 0.06 },  { 0.8, 1, 0.8, 0.3, 0.15 },
+		                                           { 1, 1, 1, 0.9, 0.25 } };
 
 	return drawing_transfer(BB_ARRAY_LEN(points), points);
 }
