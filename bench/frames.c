@@ -61,7 +61,8 @@ static bool torn(const struct bb_frame_loop *l, const struct bb_frame *f, uint16
 {
 	const struct bb_display_config *d = &l->room->screens[0].display;
 	const int64_t period_ns = bb_rate_period_ns(d->rate);
-	const int64_t most_ns = d->genlock ? period_ns / 2 : period_ns + period_ns / 16;
+	/* Without genlock vblanks lie anywhere in a refresh, and a held present adds up to a quarter. */
+	const int64_t most_ns = d->genlock ? period_ns / 2 : period_ns * 3 / 2;
 
 	if (l->master_screen < 0)
 		return false;

@@ -4,8 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-#define VBLANK_GUARD_NS 20000 /* begin this long after the expected vblank, so that it has surely happened */
-
 /* ---- time in the data ---- */
 
 static double steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s)

@@ -105,12 +105,14 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
+	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
 	for (size_t i = 0; i < l->room->n_screens; i++)
 		n->n_screens += l->room->screens[i].node == index;
 	n->screens = calloc(n->n_screens + 1, sizeof(*n->screens));
 	n->n_views = n->n_screens * l->n_eyes;
 	n->views = calloc(n->n_views + 1, sizeof(*n->views));
-	if (!n->screens || !n->views)
+	n->target = calloc(n->n_screens + 1, sizeof(*n->target));
+	if (!n->screens || !n->views || !n->target)
 		return BB_ERR_NOMEM;
 	for (uint16_t i = 0; i < l->room->n_screens; i++)
 		if (l->room->screens[i].node == index)
@@ -235,9 +237,11 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
 		bb_clock_disarm(l->clk, &n->ready);
+		bb_clock_disarm(l->clk, &n->hold);
 		bb_stream_destroy(n->stream);
 		free(n->screens);
 		free(n->views);
+		free(n->target);
 	}
 	bb_tracker_destroy(l->tracker);
 	bb_image_release(&l->canvas);

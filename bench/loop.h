@@ -27,6 +27,7 @@
 #define BB_FRAMES_RING 8
 #define BB_NODES_MAX 64
 #define BB_NOBODY 0xFFFF
+#define VBLANK_GUARD_NS 20000 /* what must come after an expected vblank comes this long after it */
 
 struct bb_node_times {
 	int64_t received_ns, selected_ns, ready_ns, released_ns; /* 0: did not happen */
@@ -66,7 +67,8 @@ struct bb_node_machine { /* one node of the room */
 	struct bb_stream *stream;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
-	struct bb_timer inbox, ready;
+	struct bb_timer inbox, ready, hold;
+	uint32_t *target;                 /* by screen: vblank its last image was presented for */
 	uint64_t frame;                   /* being drawn */
 	uint16_t source;                  /* in the event log */
 };
@@ -155,6 +157,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);
 void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns);

@@ -164,36 +164,82 @@ static uint32_t left_target(const struct bb_frame_loop *l, struct bb_display *d,
 	return bb_phase_eye_at(&l->phase, middle_ns) == BB_EYE_RIGHT ? v->seq + 2 : v->seq + 1;
 }
 
-static void present(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
+static enum bb_status present_screen(struct bb_node_machine *n, size_t s, const struct bb_vblank *v)
 {
 	struct bb_frame_loop *l = n->loop;
-	struct bb_frame *f = bb_loop_frame(l, m->frame);
+	struct bb_display *d = l->rig->displays[n->screens[s]];
+
+	if (l->room->screens[n->screens[s]].display.stereo == BB_STEREO_FRAME_SEQUENTIAL) {
+		const uint32_t left = left_target(l, d, v);
+		const enum bb_status status = bb_display_present(d, n->frame, BB_EYE_LEFT, left);
+		n->target[s] = left + 1;
+		return status == BB_OK ? bb_display_present(d, n->frame, BB_EYE_RIGHT, left + 1) : status;
+	}
+	n->target[s] = v->seq + 1;
+	return bb_display_present(d, n->frame, BB_EYE_NONE, v->seq + 1);
+}
+
+static void present(struct bb_node_machine *n, int64_t now_ns)
+{
+	struct bb_frame_loop *l = n->loop;
+
+	for (size_t s = 0; s < n->n_screens; s++) {
+		struct bb_display *d = l->rig->displays[n->screens[s]];
+		struct bb_vblank v;
+		if (!d || bb_display_vblank(d, &v) != BB_OK)
+			continue;
+		const enum bb_status status = present_screen(n, s, &v);
+		if (status >= 0)
+			continue;
+		bb_result_count(l->result, "presents_refused", 1);
+		bb_watch_bad(l->watch, l->display_slot[n->screens[s]], now_ns,
+		             status == BB_ERR_BUSY ? BB_HEALTH_DEGRADED : BB_HEALTH_LOST, "present refused: %s",
+		             bb_status_text(status));
+	}
+}
+
+/*
+ * Without genlock a display's vblank drifts through the instant of release. Just after it has, the last frame still
+ * waits for the very vblank the new one aims at, and queueing behind it would cost a refresh for ever: so a node whose
+ * last flip is due within a quarter of a refresh presents right after it. 0: present now.
+ */
+static int64_t hold_until_ns(const struct bb_node_machine *n, int64_t now_ns)
+{
+	const struct bb_frame_loop *l = n->loop;
+	int64_t until_ns = 0;
+
+	for (size_t s = 0; s < n->n_screens; s++) {
+		struct bb_display *d = l->rig->displays[n->screens[s]];
+		struct bb_vblank v;
+		if (!d || bb_display_vblank(d, &v) != BB_OK || n->target[s] != v.seq + 1)
+			continue;
+		const int64_t period_ns = bb_display_limits(d)->period_ns, due_ns = v.at_ns + period_ns + VBLANK_GUARD_NS;
+		if (due_ns - now_ns < period_ns / 4 && due_ns > until_ns)
+			until_ns = due_ns;
+	}
+	return until_ns;
+}
+
+int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	(void)scheduled_ns;
+	present(bb_container_of(timer, struct bb_node_machine, hold), now_ns);
+	return BB_NEVER;
+}
+
+static void hear_release(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
+{
+	struct bb_frame *f = bb_loop_frame(n->loop, m->frame);
 
 	if (f)
 		f->node[n->index].released_ns = now_ns;
 	if (n->frame != m->frame || !f || !f->node[n->index].ready_ns)
 		return; /* nothing to show: late, or it never heard of this frame */
-	for (size_t s = 0; s < n->n_screens; s++) {
-		struct bb_display *d = l->rig->displays[n->screens[s]];
-		struct bb_vblank v;
-		enum bb_status status;
-		if (!d || bb_display_vblank(d, &v) != BB_OK)
-			continue;
-		if (l->room->screens[n->screens[s]].display.stereo == BB_STEREO_FRAME_SEQUENTIAL) {
-			const uint32_t left = left_target(l, d, &v);
-			status = bb_display_present(d, m->frame, BB_EYE_LEFT, left);
-			if (status == BB_OK)
-				status = bb_display_present(d, m->frame, BB_EYE_RIGHT, left + 1);
-		} else {
-			status = bb_display_present(d, m->frame, BB_EYE_NONE, v.seq + 1);
-		}
-		if (status < 0) {
-			bb_result_count(l->result, "presents_refused", 1);
-			bb_watch_bad(l->watch, l->display_slot[n->screens[s]], now_ns,
-			             status == BB_ERR_BUSY ? BB_HEALTH_DEGRADED : BB_HEALTH_LOST, "present refused: %s",
-			             bb_status_text(status));
-		}
-	}
+	const int64_t hold_ns = hold_until_ns(n, now_ns);
+	if (!hold_ns)
+		present(n, now_ns);
+	else if (bb_clock_arm(n->loop->clk, &n->hold, hold_ns) != BB_OK)
+		bb_clock_stop(n->loop->clk);
 }
 
 static void note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_flip *flip)
@@ -250,7 +296,7 @@ void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (m->kind == BB_MESSAGE_STATE)
 		begin(n, m, now_ns);
 	else if (m->kind == BB_MESSAGE_RELEASE)
-		present(n, m, now_ns);
+		hear_release(n, m, now_ns);
 }
 
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
