@@ -87,10 +87,10 @@ static enum bb_status grow(struct reader *rd)
 	const size_t cap = p->cap_keys ? 2 * p->cap_keys : 64;
 	struct key *keys;
 
+	if (p->n_keys == KEYS_MAX)
+		return bb_fail(rd->err, BB_ERR_CONFIG, 1352, &where, "more than %d key poses", KEYS_MAX);
 	if (p->n_keys < p->cap_keys)
 		return BB_OK;
-	if (p->n_keys >= KEYS_MAX)
-		return bb_fail(rd->err, BB_ERR_CONFIG, 1352, &where, "more than %d key poses", KEYS_MAX);
 	keys = reallocarray(p->keys, cap, sizeof(*keys));
 	if (!keys)
 		return bb_fail(rd->err, BB_ERR_NOMEM, 1702, &where, "key poses");
