@@ -330,7 +330,7 @@ static enum bb_status verb_rate(void *device, const struct sim_fault_args *args,
 {
 	struct sim_display *s = device;
 	double ppm;
-	const enum bb_status status = sim_fault_range(args, "ppm", NAN, -500, 500, &ppm, err);
+	const enum bb_status status = sim_fault_range(args, "ppm", SIM_FAULT_REQUIRED, -500, 500, &ppm, err);
 
 	if (status != BB_OK || !s)
 		return status;

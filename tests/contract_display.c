@@ -106,7 +106,8 @@ static void images_flip_at_their_target(void **state)
 		const struct bb_vblank v = vblank(b);
 		const uint32_t target = v.seq + 1 + (uint32_t)(frame % 4);
 		struct bb_flip flip;
-		assert_int_equal(bb_display_present(b->d, frame, frame % 2 ? BB_EYE_LEFT : BB_EYE_RIGHT, target), BB_OK);
+		assert_int_equal(bb_display_present(b->d, frame, frame % 2 ? BB_EYE_LEFT : BB_EYE_RIGHT, target),
+		                 BB_OK);
 		assert_true(next_flip(b, &flip, 10 * l->period_ns));
 		assert_int_equal(flip.frame, frame);
 		assert_int_equal(flip.seq, target);
@@ -274,7 +275,8 @@ static void watch_axis(struct bench *b, const char *fault, int64_t slack_ns)
 		const struct bb_vblank v = vblank(b);
 		assert_true(v.seq - last.seq <= 1 && v.at_ns >= last.at_ns);
 		if (v.seq != last.seq)
-			assert_true(v.at_ns - last.at_ns <= 2 * period_ns && v.at_ns - last.at_ns >= period_ns - slack_ns);
+			assert_true(v.at_ns - last.at_ns <= 2 * period_ns &&
+			            v.at_ns - last.at_ns >= period_ns - slack_ns);
 		last = v;
 		if (i % 100 == 90) {
 			assert_true(next_flip(b, &flip, 0));

@@ -288,7 +288,7 @@ static void nonsense_is_refused(void **state)
 	c.n_nodes = 65;
 	assert_int_equal(bb_link_open(backend->driver, &c, &open, &l), BB_ERR_RANGE);
 	c.n_nodes = 3;
-	c.jitter_us = NAN;
+	c.jitter_us = (double)NAN;
 	assert_int_equal(bb_link_open(backend->driver, &c, &open, &l), BB_ERR_RANGE);
 	assert_int_equal(bb_link_open(backend->driver, &b->rig.fix.room.link, &open, &l), BB_ERR_BUSY);
 	assert_null(l);

@@ -1,6 +1,6 @@
 /*
- * tests/contract_shutter.c: what every shutter chain must do, over every back end, with tolerances from its limits; then
- * what only the simulated one can be told.
+ * tests/contract_shutter.c: what every shutter chain must do, over every back end, with tolerances from its limits;
+ * then what only the simulated one can be told.
  */
 #include "tests/fixture_room.h"
 #include "sim/sim_shutter.h"
@@ -318,7 +318,8 @@ static void missed_edges_are_gaps(void **state)
 		uint32_t lost = 0;
 		for (size_t i = 1; i < b->n[s]; i++) {
 			lost += b->edge[s][i].seq - b->edge[s][i - 1].seq - 1;
-			assert_int_equal((b->edge[s][i].seq + b->edge[s][i].eye) % 2, (b->edge[s][0].seq + b->edge[s][0].eye) % 2);
+			assert_int_equal((b->edge[s][i].seq + b->edge[s][i].eye) % 2,
+			                 (b->edge[s][0].seq + b->edge[s][0].eye) % 2);
 		}
 		lost += b->n[s] < 115; /* the gap may lie before the first edge collected */
 		assert_true(lost <= (s == 1 ? 5 : 3));
@@ -505,7 +506,7 @@ static void nonsense_is_refused(void **state)
 	c.n_stages = 33;
 	assert_int_equal(bb_shutter_open(backend->driver, &c, &open, &sh), BB_ERR_CONFIG);
 	c = b->rig.fix.room.chain;
-	c.open_us = NAN;
+	c.open_us = (double)NAN;
 	assert_int_equal(bb_shutter_open(backend->driver, &c, &open, &sh), BB_ERR_RANGE);
 	rig_option(&b->rig, "jitter_us", "inf");
 	assert_int_equal(bb_shutter_open(backend->driver, &b->rig.fix.room.chain, &open, &sh), BB_ERR_CONFIG);
