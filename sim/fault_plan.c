@@ -62,8 +62,8 @@ static enum bb_status resolve(struct sim_world *w, const struct sim_fault *f, co
 
 	if (!sim_world_find(w, f->class_name, f->id, &verbs)) {
 		if (in_room(w->room, f->class_name, f->id))
-			return bb_fail(err, BB_ERR_CONFIG, 1606, NULL, "\"%s\": %s/%s is not open", f->text, f->class_name,
-			               f->id);
+			return bb_fail(err, BB_ERR_CONFIG, 1606, NULL, "\"%s\": %s/%s is not open", f->text,
+			               f->class_name, f->id);
 		return bb_fail(err, BB_ERR_CONFIG, 1604, NULL, "\"%s\": the room has no %s \"%s\"", f->text,
 		               f->class_name, f->id);
 	}
@@ -156,7 +156,8 @@ enum bb_status sim_faults_start(struct sim_world *w)
 
 	for (size_t i = 0; i < w->n_planted && status == BB_OK; i++)
 		if (!w->planted[i].fault->at_boot)
-			status = bb_clock_arm(w->clk, &w->planted[i].timer, w->scene_start_ns + w->planted[i].fault->at_ns);
+			status = bb_clock_arm(w->clk, &w->planted[i].timer,
+			                      w->scene_start_ns + w->planted[i].fault->at_ns);
 	return status;
 }
 

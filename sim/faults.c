@@ -74,7 +74,8 @@ enum bb_status sim_fault_range(const struct sim_fault_args *args, const char *ke
 	if (!sim_fault_number(args, key, fallback, out))
 		return bb_fail(err, BB_ERR_CONFIG, 1605, args->where, "%s=%.40s is no number", key, value);
 	if (!(*out >= least && *out <= most))
-		return bb_fail(err, BB_ERR_CONFIG, 1605, args->where, "%s=%.40s is outside %g..%g", key, value, least, most);
+		return bb_fail(err, BB_ERR_CONFIG, 1605, args->where, "%s=%.40s is outside %g..%g", key, value, least,
+		               most);
 	return BB_OK;
 }
 
@@ -102,10 +103,11 @@ static enum bb_status check_keys(const struct sim_fault *f, const struct sim_ver
 	for (size_t i = 0; i < f->args.n; i++) {
 		const char *key = f->args.arg[i].key;
 		if (!known_key(v->args, key, &number))
-			return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s has no argument \"%s\" (it takes: %s)", v->name,
-			               key, *v->args ? v->args : "none");
+			return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s has no argument \"%s\" (it takes: %s)",
+			               v->name, key, *v->args ? v->args : "none");
 		if (number && !sim_fault_number(&f->args, key, 0, &value))
-			return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s=%s is no number", key, f->args.arg[i].value);
+			return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s=%s is no number", key,
+			               f->args.arg[i].value);
 	}
 	return BB_OK;
 }
@@ -168,7 +170,8 @@ static enum bb_status parse_at(const struct line *line, struct sim_fault *f, con
                                struct bb_error *err)
 {
 	if (line->n < 4 || strcmp(line->token[0], "at"))
-		return bb_fail(err, BB_ERR_CONFIG, 1601, where, "\"%s\" does not read \"at TIME CLASS/ID VERB ...\"", f->text);
+		return bb_fail(err, BB_ERR_CONFIG, 1601, where, "\"%s\" does not read \"at TIME CLASS/ID VERB ...\"",
+		               f->text);
 	f->at_boot = !strcmp(line->token[1], "boot");
 	if (!f->at_boot && !time_of(line->token[1], &f->at_ns))
 		return bb_fail(err, BB_ERR_CONFIG, 1603, where, "\"%s\" is no time", line->token[1]);
@@ -340,7 +343,8 @@ enum bb_status sim_fault_parse(const char *text, struct sim_fault *out, const st
 	status = verb->apply(NULL, &f.args, true, err);
 	f.args.where = NULL; /* the caller's, and only for the messages above */
 	if (status != BB_OK) /* a verb that said nothing still gets its number */
-		return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s takes: %s", f.verb, *verb->args ? verb->args : "nothing");
+		return bb_fail(err, BB_ERR_CONFIG, 1605, where, "%s takes: %s", f.verb,
+		               *verb->args ? verb->args : "nothing");
 	*out = f;
 	return BB_OK;
 }

@@ -7,6 +7,8 @@
 #ifndef BB_SIM_FAULTS_H
 #define BB_SIM_FAULTS_H
 
+#include <math.h>
+
 #include "sim/world.h"
 
 #define SIM_FAULT_ARGS_MAX 6
@@ -23,7 +25,8 @@ struct sim_fault_args {
 /* The value of a key, or NULL; the number of a key, or fallback (false when it is there and is no finite number). */
 const char *sim_fault_arg(const struct sim_fault_args *args, const char *key);
 bool sim_fault_number(const struct sim_fault_args *args, const char *key, double fallback, double *out);
-/* The same with a range and error 1605; a NAN fallback: the key must be given. */
+/* The same with a range and error 1605. */
+#define SIM_FAULT_REQUIRED ((double)NAN) /* as fallback: the key must be given */
 BB_MUST_CHECK enum bb_status sim_fault_range(const struct sim_fault_args *args, const char *key, double fallback,
                                              double least, double most, double *out, struct bb_error *err);
 

@@ -18,7 +18,7 @@ static enum bb_status node_slow(void *device, const struct sim_fault_args *args,
 {
 	struct sim_node_state *node = device;
 	double ms;
-	const enum bb_status status = sim_fault_range(args, "ms", NAN, 0, 60000, &ms, err);
+	const enum bb_status status = sim_fault_range(args, "ms", SIM_FAULT_REQUIRED, 0, 60000, &ms, err);
 
 	if (status == BB_OK && node)
 		node->slow_ns += on ? llround(ms * 1e6) : -llround(ms * 1e6);

@@ -128,7 +128,8 @@ static struct bb_pose pose_now(const struct sim_camera *c)
 	struct bb_pose pose = c->base.config.pose;
 
 	if (c->bump_ndeg)
-		pose.q = bb_quat_mul(pose.q, bb_quat_axis_angle(c->bump_axis, (double)c->bump_ndeg * 1e-9 * RAD_PER_DEG));
+		pose.q = bb_quat_mul(pose.q,
+		                     bb_quat_axis_angle(c->bump_axis, (double)c->bump_ndeg * 1e-9 * RAD_PER_DEG));
 	return pose;
 }
 
@@ -468,7 +469,7 @@ static enum bb_status amount(struct sim_camera *c, const struct sim_fault_args *
                              double scale, int64_t *sum, bool on, struct bb_error *err)
 {
 	double value;
-	const enum bb_status status = sim_fault_range(args, key, NAN, 0, most, &value, err);
+	const enum bb_status status = sim_fault_range(args, key, SIM_FAULT_REQUIRED, 0, most, &value, err);
 
 	if (status == BB_OK && c)
 		*sum += on ? llround(value * scale) : -llround(value * scale);

@@ -26,7 +26,8 @@ struct sim_display {
 	bool ideal;
 	int64_t offset_ns;            /* behind the reference, genlocked */
 	int64_t own_ppb;              /* of the crystal */
-	int64_t zero_k, zero_ns;      /* free: vblank zero_k began at zero_ns */
+	int64_t zero_k, zero_ns;      /* free: vblank zero_k begins at zero_ns */
+	int64_t past_ns;              /* when the vblank before zero_k began, on the axis there was then */
 	int64_t zero_frame;           /* genlocked: vblank k is instant k - zero_k + zero_frame of the reference */
 	int64_t unlocked, lost, swallow, late, added_ppb; /* sums over faults */
 	struct pending pending[PENDING];
@@ -53,6 +54,8 @@ static int64_t vblank_ns(const struct sim_display *s, int64_t k)
 {
 	const struct bb_rate rate = s->base.config.rate;
 
+	if (k < s->zero_k)
+		return s->past_ns;
 	if (locked(s))
 		return sim_world_reference_ns(s->world, rate, k - s->zero_k + s->zero_frame) + s->offset_ns;
 	const int64_t dt_ns = bb_rate_frame_ns(rate, k - s->zero_k);
@@ -84,17 +87,21 @@ static int64_t stamp(const struct sim_display *s, int64_t at_ns)
 	return s->ideal ? at_ns : at_ns - at_ns % STAMP_NS;
 }
 
-/* Scan-out goes on with the next number after `now`, on another clock or at another rate. Genlock comes back at once,
- * as the reference says. */
-static void new_axis(struct sim_display *s, int64_t next_k, int64_t next_ns)
+/* Newest vblank at or before now, or zero_k - 1. */
+static int64_t newest(const struct sim_display *s)
 {
-	const int64_t now_ns = bb_clock_now_ns(s->base.dev.clk);
+	return vblank_after(s, bb_clock_now_ns(s->base.dev.clk) + 1) - 1;
+}
 
-	s->zero_k = next_k;
-	if (locked(s))
-		s->zero_frame = sim_world_reference_after(s->world, s->base.config.rate, now_ns - s->offset_ns);
-	else
-		s->zero_ns = next_ns;
+/* Before something changes: scan-out goes on from here with the next number. */
+static void hold_axis(struct sim_display *s)
+{
+	const int64_t k = newest(s), next_ns = vblank_ns(s, k + 1);
+
+	s->past_ns = vblank_ns(s, k);
+	s->zero_ns = next_ns;
+	s->zero_frame += k + 1 - s->zero_k;
+	s->zero_k = k + 1;
 }
 
 int64_t sim_display_vblank_ns(const struct bb_display *d, int64_t k)
@@ -216,12 +223,6 @@ static enum bb_status gone(struct sim_display *s, const char *op)
 	return bb_device_fail(&s->base.dev, BB_ERR_LOST, op, "the connector is empty");
 }
 
-/* Newest vblank at or before now, or zero_k - 1. */
-static int64_t newest(const struct sim_display *s)
-{
-	return vblank_after(s, bb_clock_now_ns(s->base.dev.clk) + 1) - 1;
-}
-
 static enum bb_status display_vblank(struct bb_display *d, struct bb_vblank *out)
 {
 	struct sim_display *s = own(d);
@@ -329,14 +330,12 @@ static enum bb_status verb_rate(void *device, const struct sim_fault_args *args,
 {
 	struct sim_display *s = device;
 	double ppm;
-	const enum bb_status status = sim_fault_range(args, "ppm", NAN, -500, 500, &ppm, err);
+	const enum bb_status status = sim_fault_range(args, "ppm", SIM_FAULT_REQUIRED, -500, 500, &ppm, err);
 
 	if (status != BB_OK || !s)
 		return status;
-	const int64_t next_k = newest(s) + 1, next_ns = vblank_ns(s, next_k);
+	hold_axis(s); /* a genlocked display follows its reference whatever its crystal does */
 	s->added_ppb += llround(on ? ppm * 1000 : ppm * -1000);
-	if (!locked(s)) /* a genlocked display follows its reference whatever its crystal does */
-		new_axis(s, next_k, next_ns);
 	rearm(s);
 	return BB_OK;
 }
@@ -349,11 +348,12 @@ static enum bb_status verb_unlock(void *device, const struct sim_fault_args *arg
 	(void)err;
 	if (!s)
 		return BB_OK;
-	const int64_t next_k = newest(s) + 1, next_ns = vblank_ns(s, next_k);
 	const bool was = locked(s);
+	const int64_t now_ns = bb_clock_now_ns(s->base.dev.clk);
+	hold_axis(s);
 	s->unlocked += on ? 1 : -1;
-	if (locked(s) != was)
-		new_axis(s, next_k, next_ns);
+	if (locked(s) && !was) /* genlock comes back at once, where the reference is by now */
+		s->zero_frame = sim_world_reference_after(s->world, s->base.config.rate, now_ns + 1 - s->offset_ns);
 	rearm(s);
 	return BB_OK;
 }

@@ -2,8 +2,8 @@
  * sim/sim_display.h: scan-outs as the world sees them. For bench/ and tests/ only.
  *
  * Model. Vblank k of a genlocked display is instant k of its rate on the room's sync reference plus a seeded offset
- * below 5 us; of a free one, frame k of its own crystal (rate_error_ppm, or seeded within +-20 ppm) from a seeded phase.
- * Numbers and times of vblanks are computed when somebody asks, so a display at rest costs nothing. An image flips at
+ * below 5 us; of a free one, frame k of its own crystal (rate_error_ppm, or seeded within +-20 ppm) from a seeded
+ * phase. Numbers and times of vblanks are computed when somebody asks, so a display at rest costs nothing. An image flips at
  * its target vblank, or at the next one when that has passed, one image a vblank, in order of presentation.
  * Fidelity 0: offset, rate error and phase are zero and stamps exact; at 1 stamps are whole microseconds.
  */

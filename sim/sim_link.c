@@ -239,7 +239,7 @@ static enum bb_status verb_loss(void *device, const struct sim_fault_args *args,
 	struct sim_link *s = device;
 	const char *id = sim_fault_arg(args, "node");
 	double percent;
-	const enum bb_status status = sim_fault_range(args, "percent", NAN, 0, 100, &percent, err);
+	const enum bb_status status = sim_fault_range(args, "percent", SIM_FAULT_REQUIRED, 0, 100, &percent, err);
 
 	if (status != BB_OK || !s)
 		return status;
@@ -255,7 +255,7 @@ static enum bb_status verb_delay(void *device, const struct sim_fault_args *args
 {
 	struct sim_link *s = device;
 	double us;
-	const enum bb_status status = sim_fault_range(args, "us", NAN, 0, 1e6, &us, err);
+	const enum bb_status status = sim_fault_range(args, "us", SIM_FAULT_REQUIRED, 0, 1e6, &us, err);
 
 	if (status == BB_OK && s)
 		s->added_ns += llround(us * (on ? 1e3 : -1e3));

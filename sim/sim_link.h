@@ -2,8 +2,8 @@
  * sim/sim_link.h: the network between the nodes as the world sees it. For bench/ and tests/ only.
  *
  * Model. Each copy of a datagram is lost with loss_ppm, or arrives delay + jitter * |normal| after it was sent
- * (jitter at most 4 sd), at a queue of 64 per node; order is not kept, and a full queue loses its oldest. At arrival the
- * node's timer is armed, or brought forward, never put off. Fidelity 0: no jitter, no loss.
+ * (jitter at most 4 sd), at a queue of 64 per node; order is not kept, and a full queue loses its oldest. At arrival
+ * the node's timer is armed, or brought forward, never put off. Fidelity 0: no jitter, no loss.
  */
 #ifndef BB_SIM_LINK_H
 #define BB_SIM_LINK_H

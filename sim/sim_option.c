@@ -15,8 +15,8 @@ static enum bb_status read_one(struct bb_device *dev, const char *key, const cha
 			continue;
 		const double number = strtod(value, &end);
 		if (!*value || *end || !isfinite(number) || number < o->least || number > o->most)
-			return bb_device_fail(dev, BB_ERR_CONFIG, "open", "%s=%s is not in %g..%g", key, value, o->least,
-			                      o->most);
+			return bb_device_fail(dev, BB_ERR_CONFIG, "open", "%s=%s is not in %g..%g", key, value,
+			                      o->least, o->most);
 		memcpy((char *)target + o->offset, &number, sizeof(number));
 		return BB_OK;
 	}

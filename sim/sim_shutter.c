@@ -469,12 +469,13 @@ static enum bb_status verb_offset(void *device, const struct sim_fault_args *arg
 {
 	struct sim_shutter *s = device;
 	double us;
-	const enum bb_status status = sim_fault_range(args, "us", NAN, -100000, 100000, &us, err);
+	const enum bb_status status = sim_fault_range(args, "us", SIM_FAULT_REQUIRED, -100000, 100000, &us, err);
 
 	if (!sim_fault_arg(args, "stage"))
 		return bb_fail(err, BB_ERR_CONFIG, 1605, args->where, "stage=ID is missing");
 	if (status == BB_OK && s) {
-		add(s, sim_fault_arg(args, "stage"), offsetof(struct stage, offset_ns), llround(on ? us * 1e3 : us * -1e3));
+		add(s, sim_fault_arg(args, "stage"), offsetof(struct stage, offset_ns),
+		    llround(on ? us * 1e3 : us * -1e3));
 		aim_all(s);
 	}
 	return status;
@@ -484,7 +485,7 @@ static enum bb_status verb_jitter(void *device, const struct sim_fault_args *arg
 {
 	struct sim_shutter *s = device;
 	double us;
-	const enum bb_status status = sim_fault_range(args, "us", NAN, 0, 2000, &us, err);
+	const enum bb_status status = sim_fault_range(args, "us", SIM_FAULT_REQUIRED, 0, 2000, &us, err);
 
 	if (status == BB_OK && s) {
 		s->burst_ns += llround(on ? us * 1e3 : us * -1e3);
@@ -497,7 +498,7 @@ static enum bb_status verb_rate(void *device, const struct sim_fault_args *args,
 {
 	struct sim_shutter *s = device;
 	double hz;
-	enum bb_status status = sim_fault_range(args, "hz", NAN, 40, 200, &hz, err);
+	enum bb_status status = sim_fault_range(args, "hz", SIM_FAULT_REQUIRED, 40, 200, &hz, err);
 
 	if (status != BB_OK || !s)
 		return status;
@@ -533,7 +534,8 @@ const struct sim_verb sim_shutter_verbs[] = {
 	{ "stuck", "[stage=ID]", "the sync line stops toggling; after 100 ms the shutters open", "", verb_stuck },
 	{ "stage_offset", "stage=ID us=N", "a stage switches that much late", "stage=emitter us=900", verb_offset },
 	{ "jitter_burst", "us=N", "that much more jitter of the sync (standard deviation)", "us=200", verb_jitter },
-	{ "rate", "hz=N", "the sync generator runs at another rate, and all that is locked to it", "hz=119", verb_rate },
+	{ "rate", "hz=N", "the sync generator runs at another rate, and all that is locked to it", "hz=119",
+	  verb_rate },
 	{ "unplug", "", "the chain is gone; the shutters open", "", verb_unplug },
 	{ NULL, NULL, NULL, NULL, NULL },
 };

@@ -122,14 +122,17 @@ static void frames_come_in_order_on_time(void **state)
 		assert_int_equal(b->frame.seq, i);
 		assert_true(b->frame.arrived_ns <= bb_clock_now_ns(b->rig.clk));
 		assert_true(!i || b->frame.arrived_ns > last_arrived_ns);
-		assert_true(!i || llabs(dev_ns - last_dev_ns - period_ns) <= 2 * l->stamp_error_ns + 200 * period_ns / 1000000);
+		assert_true(!i || llabs(dev_ns - last_dev_ns - period_ns) <=
+		                          2 * l->stamp_error_ns + 200 * period_ns / 1000000);
 		/* Transfer only delays: host time by the map is never after the arrival less the least latency. */
-		assert_true(bb_timemap_host_ns(&map, b->frame.mid_exposure) + l->least_latency_ns <= b->frame.arrived_ns);
+		assert_true(bb_timemap_host_ns(&map, b->frame.mid_exposure) + l->least_latency_ns <=
+		            b->frame.arrived_ns);
 		last_dev_ns = dev_ns;
 		last_arrived_ns = b->frame.arrived_ns;
 	}
 	const int64_t span_ns = last_dev_ns - first_dev_ns;
-	assert_true(llabs(span_ns - 599 * period_ns) <= 2 * l->stamp_error_ns + span_ns / 5000); /* 200 ppm: two crystals */
+	assert_true(llabs(span_ns - 599 * period_ns) <=
+	            2 * l->stamp_error_ns + span_ns / 5000); /* 200 ppm: two crystals */
 }
 
 static void a_small_buffer_shows_overflow(void **state)
@@ -186,11 +189,13 @@ static struct bb_pose sway(void *ctx, int64_t t_ns)
 	const double t = (double)t_ns * 1e-9;
 
 	(void)ctx;
-	return (struct bb_pose){ { 0.4 * sin(2 * t), 1.6 + 0.1 * sin(5 * t), 0.3 * cos(1.5 * t) - 0.2 }, bb_quat_euler_deg(40 * sin(t), 0, 0) };
+	return (struct bb_pose){ { 0.4 * sin(2 * t), 1.6 + 0.1 * sin(5 * t), 0.3 * cos(1.5 * t) - 0.2 },
+		                 bb_quat_euler_deg(40 * sin(t), 0, 0) };
 }
 
 /* The nearest blob to each marker the camera can see, against a projection written out here once more. */
-static double project_error(const struct bench *b, struct bb_vec3 marker, const struct bb_camera_config *c, bool *inside)
+static double project_error(const struct bench *b, struct bb_vec3 marker, const struct bb_camera_config *c,
+                            bool *inside)
 {
 	const struct bb_vec3 p = bb_pose_inverse_apply(&c->pose, marker);
 	const double r = hypot(p.x, p.y) / p.z, f = 1 + c->k1 * r * r + c->k2 * r * r * r * r;
@@ -337,7 +342,8 @@ static void bump_flood_noise_and_freeze_show(void **state)
 	memcpy(before, b->blobs, sizeof(before));
 	rig_fault(&b->rig, "camera/c1", "bump deg=3", true);
 	frame_number(b, 6);
-	assert_true(b->frame.n == 0 || hypot((double)(b->blobs[0].x_px - before[0].x_px), (double)(b->blobs[0].y_px - before[0].y_px)) > 1);
+	assert_true(b->frame.n == 0 || hypot((double)(b->blobs[0].x_px - before[0].x_px),
+	                                     (double)(b->blobs[0].y_px - before[0].y_px)) > 1);
 	rig_fault(&b->rig, "camera/c1", "bump deg=3", false);
 	rig_fault(&b->rig, "camera/c1", "flood n=20", true);
 	frame_number(b, 9);
@@ -435,7 +441,7 @@ static void nonsense_is_refused(void **state)
 	c.rate = (struct bb_rate){ 0, 1 };
 	assert_int_equal(bb_camera_open(backend->driver, &c, &open, &cam), BB_ERR_RANGE);
 	c = b->rig.fix.cameras[1];
-	c.exposure_us = NAN;
+	c.exposure_us = (double)NAN;
 	assert_int_equal(bb_camera_open(backend->driver, &c, &open, &cam), BB_ERR_RANGE);
 	c = b->rig.fix.cameras[1];
 	c.width_px = INT64_MAX;

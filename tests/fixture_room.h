@@ -1,6 +1,6 @@
 /*
- * tests/fixture_room.h: a small room built by hand, a rig of clock, log and world around it, and the bench every contract
- * runs on. Header only, because a test links one object of its own.
+ * tests/fixture_room.h: a small room built by hand, a rig of clock, log and world around it, and openers of its sims.
+ * Header only, because a test links one object of its own.
  */
 #ifndef BB_TESTS_FIXTURE_ROOM_H
 #define BB_TESTS_FIXTURE_ROOM_H
@@ -65,8 +65,11 @@ static inline void fixture_displays(struct fixture_room *f)
 		struct bb_screen *s = &f->screens[i];
 		snprintf(s->id, sizeof(s->id), "%s", ids[i]);
 		s->node = (uint16_t)(i < 2 ? i + 1 : 0);
-		s->display = (struct bb_display_config){ .rate = { 120, 1 }, .genlock = i < 2, .rate_error_ppm = NAN,
-			                                 .width_px = 1400, .height_px = 1050 };
+		s->display = (struct bb_display_config){ .rate = { 120, 1 },
+			                                 .genlock = i < 2,
+			                                 .rate_error_ppm = (double)NAN,
+			                                 .width_px = 1400,
+			                                 .height_px = 1050 };
 		snprintf(s->display.id, sizeof(s->display.id), "%s", ids[i]);
 	}
 	f->screens[2].display.rate = (struct bb_rate){ 60000, 1001 };
@@ -75,7 +78,9 @@ static inline void fixture_displays(struct fixture_room *f)
 static inline void fixture_room_init(struct fixture_room *f)
 {
 	static const char *const nodes[FIX_NODES] = { "head", "front", "left" };
-	const struct bb_vec3 at[FIX_CAMERAS] = { { -1.2, 2.4, -1.2 }, { 1.2, 2.4, -1.2 }, { -1.2, 2.4, 1.2 }, { 1.2, 2.4, 1.2 } };
+	const struct bb_vec3 at[FIX_CAMERAS] = {
+		{ -1.2, 2.4, -1.2 }, { 1.2, 2.4, -1.2 }, { -1.2, 2.4, 1.2 }, { 1.2, 2.4, 1.2 }
+	};
 	struct bb_room *r = &f->room;
 
 	memset(f, 0, sizeof(*f));
@@ -103,8 +108,14 @@ static inline void fixture_room_init(struct fixture_room *f)
 	r->monitors = f->monitors;
 	snprintf(f->monitors[0].id, sizeof(f->monitors[0].id), "front-m");
 	r->n_bodies = 1;
-	r->bodies[0] = (struct bb_body){ .id = "glasses", .n_markers = 5, .eye_centre = { 0.070, 0, 0.01 },
-		.marker = { { 0, 0, 0 }, { 0.141, 0.004, -0.008 }, { 0.070, 0.032, 0.005 }, { 0.018, 0.025, -0.030 }, { 0.120, 0.027, -0.034 } } };
+	r->bodies[0] = (struct bb_body){ .id = "glasses",
+		                         .n_markers = 5,
+		                         .eye_centre = { 0.070, 0, 0.01 },
+		                         .marker = { { 0, 0, 0 },
+		                                     { 0.141, 0.004, -0.008 },
+		                                     { 0.070, 0.032, 0.005 },
+		                                     { 0.018, 0.025, -0.030 },
+		                                     { 0.120, 0.027, -0.034 } } };
 	r->link = (struct bb_link_config){ .id = "net", .device = "sim:", .n_nodes = FIX_NODES, .delay_us = 40,
 		                           .jitter_us = 10, .loss_ppm = 0 };
 }

@@ -170,7 +170,8 @@ static void a_random_heap_is_in_order(void **state)
 			if (p[i].timer.slot)
 				assert_true(p[i].timer.at_ns > end);
 			else if (p[i].runs)
-				assert_true(p[i].scheduled_ns <= end && (p[i].scheduled_ns > last || p[i].now_ns <= last));
+				assert_true(p[i].scheduled_ns <= end &&
+				            (p[i].scheduled_ns > last || p[i].now_ns <= last));
 		}
 		last = end;
 	}

@@ -43,7 +43,7 @@ static void rates_from_decimals(void **state)
 		assert_true(fabs(bb_rate_hz(r) - known[i].hz) <= 1e-6 * known[i].hz);
 		assert_int_equal((uint64_t)r.num * known[i].den, (uint64_t)known[i].num * r.den);
 	}
-	static const double bad[] = { 0, -1, 1e7, NAN, INFINITY };
+	static const double bad[] = { 0, -1, 1e7, (double)NAN, (double)INFINITY };
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++)
 		assert_int_equal(bb_rate_from_hz(bad[i]).num, 0);
 }

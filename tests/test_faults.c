@@ -95,7 +95,8 @@ static void refuses_the_rest_with_a_number(void **state)
 		struct bb_error err = { 0 };
 		struct sim_fault f;
 		assert_int_equal(sim_fault_parse(bad[i].text, &f, &where, &err), BB_ERR_CONFIG);
-		if (err.number != bad[i].number || !strstr(err.text, bad[i].says) || !strstr(err.text, "faults.txt:12:3"))
+		if (err.number != bad[i].number || !strstr(err.text, bad[i].says) ||
+		    !strstr(err.text, "faults.txt:12:3"))
 			fail_msg("%s: %s", bad[i].text, err.text);
 	}
 }
@@ -135,7 +136,8 @@ static char *write_file(const char *bytes, size_t n)
 
 static void a_file_has_one_a_line(void **state)
 {
-	static const char text[] = "# a comment\n\n  at 1s camera/c1 cover  # why not\r\nat 2s node/left crash\nat 3s camera/c2 dark";
+	static const char text[] =
+		"# a comment\n\n  at 1s camera/c1 cover  # why not\r\nat 2s node/left crash\nat 3s camera/c2 dark";
 	const char *path = write_file(text, sizeof(text) - 1);
 	struct sim_fault *f;
 	struct bb_error err = { 0 };
@@ -237,15 +239,18 @@ static void fault_story(struct live *l, char *out, size_t cap)
 			continue;
 		assert_true(e->at_ns >= last_ns);
 		last_ns = e->at_ns;
-		snprintf(out + strlen(out), cap - strlen(out), "%s%lld%c", *out ? " " : "", (long long)e->a, e->b ? '+' : '-');
+		snprintf(out + strlen(out), cap - strlen(out), "%s%lld%c", *out ? " " : "", (long long)e->a,
+		         e->b ? '+' : '-');
 	}
 }
 
 static void faults_are_set_cleared_and_may_overlap(void **state)
 {
 	const struct sim_fault f[] = {
-		parsed("at 100ms node/left late frames=2 for 100ms"), parsed("at 150ms node/left late frames=1 for 100ms"),
-		parsed("at 150ms node/left slow ms=3"), parsed("at boot node/front crash for 3 frames"),
+		parsed("at 100ms node/left late frames=2 for 100ms"),
+		parsed("at 150ms node/left late frames=1 for 100ms"),
+		parsed("at 150ms node/left slow ms=3"),
+		parsed("at boot node/front crash for 3 frames"),
 		parsed("at 9s camera/c1 cover"),
 	};
 	struct sim_fault_state s;
@@ -353,7 +358,8 @@ static void every_verb_with_its_example_can_be_planted(void **state)
 		struct sim_fault_state s;
 		const char *id = target_of(class_name);
 		assert_true(strlen(v->meaning) > 5);
-		snprintf(text, sizeof(text), "at 50ms %s/%s %s %s for 100ms", class_name, id ? id : "x", v->name, v->example);
+		snprintf(text, sizeof(text), "at 50ms %s/%s %s %s for 100ms", class_name, id ? id : "x", v->name,
+		         v->example);
 		const struct sim_fault f = parsed(text);
 		if (!id)
 			continue;

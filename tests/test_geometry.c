@@ -17,7 +17,8 @@ static struct bb_vec3 random_vec(double most)
 
 static struct bb_quat random_quat(void)
 {
-	return bb_quat_unit((struct bb_quat){ sim_rng_normal(&rng), sim_rng_normal(&rng), sim_rng_normal(&rng), sim_rng_normal(&rng) });
+	return bb_quat_unit((struct bb_quat){ sim_rng_normal(&rng), sim_rng_normal(&rng), sim_rng_normal(&rng),
+	                                      sim_rng_normal(&rng) });
 }
 
 static double distance(struct bb_vec3 a, struct bb_vec3 b)
@@ -59,7 +60,8 @@ static void rotations_are_rigid(void **state)
 		const struct bb_vec3 ru = bb_quat_rotate(a, u), rv = bb_quat_rotate(a, v);
 		assert_true(fabs(bb_vec3_dot(ru, rv) - bb_vec3_dot(u, v)) < 1e-12 * 400);
 		assert_true(distance(bb_quat_rotate(a, bb_vec3_cross(u, v)), bb_vec3_cross(ru, rv)) < 1e-11);
-		assert_true(distance(bb_quat_rotate(bb_quat_mul(a, b), u), bb_quat_rotate(a, bb_quat_rotate(b, u))) < 1e-12 * 40);
+		assert_true(distance(bb_quat_rotate(bb_quat_mul(a, b), u), bb_quat_rotate(a, bb_quat_rotate(b, u))) <
+		            1e-12 * 40);
 		assert_true(distance(bb_quat_rotate(bb_quat_conj(a), ru), u) < 1e-12 * 40);
 	}
 }

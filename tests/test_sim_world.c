@@ -7,7 +7,8 @@
 static void the_generator_is_the_published_one(void **state)
 {
 	/* First outputs of xoshiro256** from state { 1, 2, 3, 4 }. */
-	static const uint64_t want[] = { UINT64_C(11520), UINT64_C(0), UINT64_C(1509978240), UINT64_C(1215971899390074240) };
+	static const uint64_t want[] = { UINT64_C(11520), UINT64_C(0), UINT64_C(1509978240),
+		                         UINT64_C(1215971899390074240) };
 	struct sim_rng r = { { 1, 2, 3, 4 }, false, 0 };
 
 	(void)state;
@@ -81,7 +82,8 @@ static void sync_edges_come_from_their_number(void **state)
 	}
 	/* Rates that divide each other share instants. */
 	for (int64_t n = 0; n < 1000; n++)
-		assert_int_equal(sim_world_reference_ns(r.world, (struct bb_rate){ 60, 1 }, n), sim_world_sync_ns(r.world, 2 * n));
+		assert_int_equal(sim_world_reference_ns(r.world, (struct bb_rate){ 60, 1 }, n),
+		                 sim_world_sync_ns(r.world, 2 * n));
 	rig_done(&r);
 }
 
@@ -149,13 +151,15 @@ static void the_glasses_sit_on_the_eyes(void **state)
 	sim_world_set_head_fn(r.world, walk, &w);
 	sim_world_set_scene_start(r.world, BB_NS_PER_S);
 	assert_true(fabs(sim_world_head(r.world, 3 * BB_NS_PER_S).p.x - 2) < 1e-12); /* scene time */
-	const struct bb_pose head = sim_world_head(r.world, 2 * BB_NS_PER_S), body = sim_world_body(r.world, 0, 2 * BB_NS_PER_S);
+	const struct bb_pose head = sim_world_head(r.world, 2 * BB_NS_PER_S),
+			     body = sim_world_body(r.world, 0, 2 * BB_NS_PER_S);
 	const struct bb_vec3 eye = bb_pose_apply(&body, r.fix.room.bodies[0].eye_centre);
 	assert_true(bb_vec3_norm(bb_vec3_sub(eye, head.p)) < 1e-12);
 	assert_int_equal(sim_world_markers(r.world, 2 * BB_NS_PER_S, marker, 8), 5);
 	assert_int_equal(sim_world_markers(r.world, 2 * BB_NS_PER_S, marker, 3), 3);
 	for (int i = 0; i < 3; i++)
-		assert_true(bb_vec3_norm(bb_vec3_sub(marker[i], bb_pose_apply(&body, r.fix.room.bodies[0].marker[i]))) == 0);
+		assert_true(bb_vec3_norm(
+				    bb_vec3_sub(marker[i], bb_pose_apply(&body, r.fix.room.bodies[0].marker[i]))) == 0);
 	rig_done(&r);
 }
 
@@ -309,7 +313,8 @@ static size_t events_of(const struct rig *r, const char *name, struct bb_event *
 
 static void order_of_opening_changes_no_device(void **state)
 {
-	static const char *const names[] = { "shutter/chain", "camera/c1", "camera/c2", "display/front", "display/desk", "link/net" };
+	static const char *const names[] = { "shutter/chain", "camera/c1",    "camera/c2",
+		                             "display/front", "display/desk", "link/net" };
 	static struct bb_event ea[2000], eb[2000];
 	struct rig a, b;
 

@@ -1,0 +1,314 @@
+/*
+ * tests/contract_link.c: what every link must do, over every back end, with tolerances from its limits; then what only
+ * the simulated one can be told.
+ */
+#include "tests/fixture_room.h"
+#include "sim/sim_link.h"
+
+static const struct backend {
+	const char *name;
+	const struct bb_link_driver *driver;
+	int fidelity;
+} backends[] = {
+	{ "link: sim, fidelity 0", &sim_link_driver, 0 },
+	{ "link: sim, fidelity 1", &sim_link_driver, 1 },
+	{ "link: sim, fidelity 2", &sim_link_driver, 2 },
+};
+static const struct backend *backend;
+
+struct bench {
+	struct rig rig;
+	struct bb_link *l;
+	struct bb_link_message m;
+};
+
+static void open_link(struct bench *b, double loss_ppm, int64_t n_nodes)
+{
+	rig_init(&b->rig, 1, backend->fidelity);
+	b->rig.fix.room.link.loss_ppm = loss_ppm;
+	b->rig.fix.room.link.n_nodes = n_nodes;
+	const struct bb_open open = rig_open(&b->rig);
+	assert_int_equal(bb_link_open(backend->driver, &b->rig.fix.room.link, &open, &b->l), BB_OK);
+}
+
+static int setup(void **state)
+{
+	struct bench *b = calloc(1, sizeof(*b));
+
+	if (!b)
+		return -1;
+	open_link(b, 0, FIX_NODES);
+	*state = b;
+	return 0;
+}
+
+static int teardown(void **state)
+{
+	struct bench *b = *state;
+
+	bb_link_close(b->l);
+	rig_done(&b->rig);
+	free(b);
+	return 0;
+}
+
+static void reopen(struct bench *b, double loss_ppm, int64_t n_nodes)
+{
+	bb_link_close(b->l);
+	rig_done(&b->rig);
+	memset(b, 0, sizeof(*b));
+	open_link(b, loss_ppm, n_nodes);
+}
+
+static void bytes_arrive_as_sent_and_not_early(void **state)
+{
+	struct bench *b = *state;
+	const struct bb_link_limits *l = bb_link_limits(b->l);
+	uint8_t bytes[BB_LINK_MESSAGE_MAX];
+
+	for (size_t n = 1; n <= l->most_bytes; n += 73) {
+		memset(bytes, (int)n, n);
+		const int64_t sent_ns = bb_clock_now_ns(b->rig.clk);
+		assert_int_equal(bb_link_send(b->l, 1, 2, bytes, n), BB_OK);
+		assert_true(l->least_delay_ns == 0 || bb_link_receive(b->l, 2, &b->m) == BB_TIMEOUT);
+		while (bb_link_receive(b->l, 2, &b->m) == BB_TIMEOUT) {
+			assert_true(bb_clock_now_ns(b->rig.clk) - sent_ns < 10 * MS);
+			rig_run(&b->rig, US);
+		}
+		assert_int_equal(b->m.n_bytes, n);
+		assert_memory_equal(b->m.bytes, bytes, n);
+		assert_int_equal(b->m.from, 1);
+		assert_int_equal(b->m.to, 2);
+		assert_int_equal(b->m.sent_ns, sent_ns);
+		assert_true(b->m.arrived_ns - sent_ns >= l->least_delay_ns);
+		assert_true(b->m.arrived_ns <= bb_clock_now_ns(b->rig.clk));
+	}
+	assert_int_equal(bb_link_receive(b->l, 0, &b->m), BB_TIMEOUT);
+	assert_int_equal(bb_link_receive(b->l, 1, &b->m), BB_TIMEOUT);
+}
+
+static void to_all_means_all_others(void **state)
+{
+	struct bench *b = *state;
+
+	assert_int_equal(bb_link_send(b->l, 1, BB_LINK_ALL, "x", 1), BB_OK);
+	rig_run(&b->rig, 10 * MS);
+	assert_int_equal(bb_link_receive(b->l, 0, &b->m), BB_OK);
+	assert_int_equal(bb_link_receive(b->l, 1, &b->m), BB_TIMEOUT);
+	assert_int_equal(bb_link_receive(b->l, 2, &b->m), BB_OK);
+	assert_int_equal(b->m.to, 2);
+}
+
+static void arguments_are_checked(void **state)
+{
+	struct bench *b = *state;
+	uint8_t big[BB_LINK_MESSAGE_MAX + 1] = { 0 };
+
+	assert_int_equal(bb_link_send(b->l, 0, 1, big, sizeof(big)), BB_ERR_RANGE);
+	assert_int_equal(bb_link_send(b->l, 0, 3, big, 1), BB_ERR_RANGE);
+	assert_int_equal(bb_link_send(b->l, 3, 0, big, 1), BB_ERR_RANGE);
+	assert_int_equal(bb_link_send(b->l, 0, 1, NULL, 1), BB_ERR_USAGE);
+	assert_int_equal(bb_link_send(b->l, 0, 1, big, 0), BB_ERR_USAGE);
+	assert_int_equal(bb_link_receive(b->l, 3, &b->m), BB_ERR_RANGE);
+	assert_int_equal(bb_link_receive(b->l, 0, NULL), BB_ERR_USAGE);
+	assert_int_equal(bb_link_notify(b->l, 3, NULL), BB_ERR_RANGE);
+}
+
+struct waiter {
+	struct bb_timer timer;
+	struct bench *b;
+	int wakes, messages, idle;
+	int64_t last_ns;
+};
+
+static int64_t wake(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct waiter *w = bb_container_of(timer, struct waiter, timer);
+	const int before = w->messages;
+
+	(void)now_ns;
+	w->wakes++;
+	w->last_ns = scheduled_ns;
+	while (bb_link_receive(w->b->l, 2, &w->b->m) == BB_OK) {
+		assert_int_equal(w->b->m.arrived_ns, scheduled_ns);
+		w->messages++;
+	}
+	w->idle += w->messages == before;
+	return BB_NEVER;
+}
+
+static void a_node_wakes_for_each_arrival(void **state)
+{
+	struct bench *b = *state;
+	struct waiter w = { .timer = { .step = wake, .rank = 3 }, .b = b };
+
+	assert_int_equal(bb_link_notify(b->l, 2, &w.timer), BB_OK);
+	for (int i = 0; i < 30; i++) {
+		assert_int_equal(bb_link_send(b->l, (uint16_t)(i % 2), 2, &i, sizeof(i)), BB_OK);
+		if (i % 3 == 0)
+			rig_run(&b->rig, 7 * US);
+	}
+	rig_run(&b->rig, 10 * MS);
+	assert_int_equal(w.messages, 30);
+	assert_int_equal(w.idle, 0);
+	/* Asked for an earlier time by itself: the arrival does not put it off; a later one is brought forward. */
+	assert_int_equal(bb_link_send(b->l, 0, 2, "x", 1), BB_OK);
+	const int64_t now_ns = bb_clock_now_ns(b->rig.clk);
+	assert_int_equal(bb_clock_arm(b->rig.clk, &w.timer, now_ns + 5 * US), BB_OK);
+	rig_run(&b->rig, 6 * US);
+	assert_int_equal(w.last_ns, now_ns + 5 * US);
+	assert_int_equal(bb_clock_arm(b->rig.clk, &w.timer, now_ns + BB_NS_PER_S), BB_OK);
+	rig_run(&b->rig, 10 * MS);
+	assert_int_equal(w.messages, 31);
+	assert_int_equal(bb_link_notify(b->l, 2, NULL), BB_OK);
+	assert_int_equal(bb_link_send(b->l, 0, 2, "x", 1), BB_OK);
+	const int wakes = w.wakes;
+	rig_run(&b->rig, 10 * MS);
+	assert_int_equal(w.wakes, wakes);
+	bb_clock_disarm(b->rig.clk, &w.timer);
+}
+
+/* What follows needs the simulated world. */
+
+static void drain(struct bench *b, int64_t n_nodes, int *received)
+{
+	for (uint16_t i = 0; i < n_nodes; i++)
+		while (bb_link_receive(b->l, i, &b->m) == BB_OK)
+			received[i]++;
+}
+
+static void loss_is_counted_and_fair(void **state)
+{
+	struct bench *b = *state;
+	enum { NODES = 10, ROUNDS = 3000 };
+	int received[NODES] = { 0 };
+	uint64_t sum = 0;
+
+	reopen(b, 100000, NODES); /* 10 % */
+	for (int i = 0; i < ROUNDS; i++) {
+		assert_int_equal(bb_link_send(b->l, (uint16_t)(i % NODES), BB_LINK_ALL, &i, sizeof(i)), BB_OK);
+		rig_run(&b->rig, MS);
+		drain(b, NODES, received);
+	}
+	const struct sim_link_counts c = sim_link_counts(b->l);
+	assert_int_equal(c.sent, ROUNDS * (NODES - 1));
+	for (int i = 0; i < NODES; i++) { /* each was sent 2700; sd 16 */
+		const int want = backend->fidelity ? 2430 : 2700;
+		assert_true(abs(received[i] - want) <= (backend->fidelity ? 80 : 0));
+		sum += (uint64_t)received[i];
+	}
+	assert_int_equal(c.received, sum);
+	assert_int_equal(c.lost, c.sent - sum);
+	assert_int_equal(c.overflowed, 0);
+}
+
+static void delays_are_as_configured(void **state)
+{
+	struct bench *b = *state;
+	double sum = 0, most = 0;
+	const int n = 5000;
+
+	for (int i = 0; i < n; i++) {
+		assert_int_equal(bb_link_send(b->l, 0, 1, "x", 1), BB_OK);
+		rig_run(&b->rig, 200 * US);
+		assert_int_equal(bb_link_receive(b->l, 1, &b->m), BB_OK);
+		const double us = (double)(b->m.arrived_ns - b->m.sent_ns) / 1000;
+		sum += us;
+		most = fmax(most, us);
+	}
+	if (!backend->fidelity) {
+		assert_true(sum / n == 40.0 && most == 40.0);
+		return;
+	}
+	assert_true(fabs(sum / n - 40 - 10 * sqrt(2 / 3.14159265358979)) < 0.5);
+	assert_true(most > 60 && most <= 80);
+}
+
+static void a_full_queue_loses_its_oldest(void **state)
+{
+	struct bench *b = *state;
+	int first = -1;
+
+	for (int i = 0; i < 100; i++) {
+		assert_int_equal(bb_link_send(b->l, 0, 1, &i, sizeof(i)), BB_OK);
+		rig_run(&b->rig, MS);
+	}
+	assert_int_equal(bb_link_receive(b->l, 1, &b->m), BB_OK);
+	memcpy(&first, b->m.bytes, sizeof(first));
+	assert_int_equal(first, sim_link_counts(b->l).overflowed);
+	assert_true(first > 0 && first < 99);
+}
+
+static int through(struct bench *b, uint16_t from, uint16_t to)
+{
+	int n = 0;
+
+	for (int i = 0; i < 200; i++) {
+		assert_int_equal(bb_link_send(b->l, from, to, &i, sizeof(i)), BB_OK);
+		rig_run(&b->rig, MS);
+		while (bb_link_receive(b->l, to, &b->m) == BB_OK)
+			n++;
+	}
+	return n;
+}
+
+static void verbs_cut_slow_and_thin_the_traffic(void **state)
+{
+	struct bench *b = *state;
+
+	rig_fault(&b->rig, "link/net", "partition node=front", true);
+	assert_int_equal(through(b, 0, 1), 0);
+	assert_int_equal(through(b, 1, 2), 0);
+	assert_int_equal(through(b, 0, 2), 200);
+	rig_fault(&b->rig, "link/net", "partition node=front", false);
+	rig_fault(&b->rig, "link/net", "down", true);
+	assert_int_equal(through(b, 0, 2), 0);
+	rig_fault(&b->rig, "link/net", "down", false);
+	rig_fault(&b->rig, "link/net", "loss percent=50 node=left", true);
+	const int thinned = through(b, 0, 2);
+	assert_true(thinned > 60 && thinned < 140);
+	assert_int_equal(through(b, 0, 1), 200);
+	rig_fault(&b->rig, "link/net", "loss percent=50 node=left", false);
+	rig_fault(&b->rig, "link/net", "delay us=500", true);
+	assert_int_equal(through(b, 0, 2), 200);
+	assert_true(b->m.arrived_ns - b->m.sent_ns >= 540 * US);
+	rig_fault(&b->rig, "link/net", "delay us=500", false);
+	assert_int_equal(through(b, 0, 2), 200);
+	assert_true(b->m.arrived_ns - b->m.sent_ns <= 80 * US);
+}
+
+static void nonsense_is_refused(void **state)
+{
+	struct bench *b = *state;
+	struct bb_link_config c = b->rig.fix.room.link;
+	const struct bb_open open = rig_open(&b->rig);
+	struct bb_link *l;
+
+	snprintf(c.id, sizeof(c.id), "net2");
+	c.n_nodes = 65;
+	assert_int_equal(bb_link_open(backend->driver, &c, &open, &l), BB_ERR_RANGE);
+	c.n_nodes = 3;
+	c.jitter_us = (double)NAN;
+	assert_int_equal(bb_link_open(backend->driver, &c, &open, &l), BB_ERR_RANGE);
+	assert_int_equal(bb_link_open(backend->driver, &b->rig.fix.room.link, &open, &l), BB_ERR_BUSY);
+	assert_null(l);
+	bb_link_close(NULL);
+}
+
+#define T(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		T(bytes_arrive_as_sent_and_not_early), T(to_all_means_all_others), T(arguments_are_checked),
+		T(a_node_wakes_for_each_arrival), T(loss_is_counted_and_fair), T(delays_are_as_configured),
+		T(a_full_queue_loses_its_oldest), T(verbs_cut_slow_and_thin_the_traffic), T(nonsense_is_refused),
+	};
+	int failed = 0;
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(backends); i++) {
+		backend = &backends[i];
+		failed += cmocka_run_group_tests_name(backend->name, tests, NULL, NULL);
+	}
+	return failed;
+}
