@@ -34,15 +34,14 @@ static double error_deg(const struct scene *s, size_t body, const struct bb_trac
 }
 
 /* Random pose, random cameras, random markers, no noise, no history: exact or refused, never wrong. */
-static void cold_start_is_exact_or_refused(void **state)
+static void exact_or_refused(bool patchy, int rounds)
 {
-	const int rounds = 10000;
 	size_t possible = 0, refused = 0, wrong = 0;
 	double worst_mm = 0, us = 0;
 	struct scene s;
 
-	(void)state;
 	scene_room(&s, 8, 0);
+	s.patchy = patchy;
 	struct bb_tracker *tr = make(&s);
 	for (int i = 0; i < rounds; i++) {
 		struct bb_blob blobs[BB_CAMERA_BLOBS_MAX];
@@ -80,6 +79,19 @@ static void cold_start_is_exact_or_refused(void **state)
 	assert_int_equal(wrong, 0);
 	assert_true(refused * 200 < possible);
 	bb_tracker_destroy(tr);
+}
+
+static void cold_start_is_exact_or_refused(void **state)
+{
+	(void)state;
+	exact_or_refused(false, 10000);
+}
+
+/* Cameras that see different markers: few points, many poses from one camera confirmed by the others. */
+static void cold_start_when_cameras_see_different_markers(void **state)
+{
+	(void)state;
+	exact_or_refused(true, 2000);
 }
 
 /* With noise: how often a cold start finds the body, and that it is never badly wrong. */
@@ -197,6 +209,7 @@ static void two_bodies_keep_their_names(void **state)
 	scene_room(&s, 8, 0.05);
 	s.occlude = true;
 	s.n_bodies = 2;
+	s.merge_px = 2.5;
 	struct bb_tracker *tr = make(&s);
 	for (int i = 0; i < frames; i++) {
 		struct bb_track_solution sol;
@@ -685,6 +698,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(cold_start_is_exact_or_refused),
+		cmocka_unit_test(cold_start_when_cameras_see_different_markers),
 		cmocka_unit_test(cold_start_with_noise),
 		cmocka_unit_test(desk_with_one_camera),
 		cmocka_unit_test(desk_cold),

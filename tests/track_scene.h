@@ -63,6 +63,8 @@ struct scene {
 	bool occlude;                 /* by the wearer's head and torso */
 	unsigned hidden_markers[2];   /* bit per marker: covered for every camera */
 	unsigned dark_cameras;        /* bit per camera */
+	bool patchy;                  /* every camera misses a quarter of the markers, each its own */
+	double merge_px;              /* images nearer than this are one blob half way between */
 	size_t strays;                /* per frame */
 	struct scene_rng rng;
 };
@@ -172,6 +174,20 @@ static inline bool scene_pixel(const struct bb_camera_config *c, struct bb_vec3 
 	return px[0] > 0 && px[1] > 0 && px[0] < (double)c->width_px - 1 && px[1] < (double)c->height_px - 1;
 }
 
+static inline size_t scene_merge(const struct scene *s, struct bb_blob *blobs, size_t n)
+{
+	for (size_t i = 0; i < n; i++)
+		for (size_t k = i + 1; k < n; k++) {
+			if (hypot((double)(blobs[i].x_px - blobs[k].x_px), (double)(blobs[i].y_px - blobs[k].y_px)) >= s->merge_px)
+				continue;
+			blobs[i].x_px = (blobs[i].x_px + blobs[k].x_px) / 2;
+			blobs[i].y_px = (blobs[i].y_px + blobs[k].y_px) / 2;
+			blobs[k] = blobs[--n];
+			k = i;
+		}
+	return n;
+}
+
 /* One camera's frame in a shuffled order; returns how many blobs; visible gets a bit per marker of each body. */
 static inline size_t scene_frame(struct scene *s, size_t camera, struct bb_blob *blobs, unsigned visible[2])
 {
@@ -185,10 +201,13 @@ static inline size_t scene_frame(struct scene *s, size_t camera, struct bb_blob 
 			double px[2];
 			if ((s->hidden_markers[b] >> m & 1) || !scene_pixel(c, p, px) || scene_blocked(s, c->pose.p, p))
 				continue;
+			if (s->patchy && scene_u64(&s->rng) % 4 == 0)
+				continue;
 			visible[b] |= 1u << m;
 			blobs[n++] = (struct bb_blob){ (float)(px[0] + s->noise_px * scene_normal(&s->rng)),
 				                       (float)(px[1] + s->noise_px * scene_normal(&s->rng)), 6 };
 		}
+	n = scene_merge(s, blobs, n);
 	for (size_t i = 0; i < s->strays && n < BB_CAMERA_BLOBS_MAX; i++)
 		blobs[n++] = (struct bb_blob){ (float)scene_uniform(&s->rng, 0, (double)c->width_px),
 			                       (float)scene_uniform(&s->rng, 0, (double)c->height_px), 6 };

@@ -63,7 +63,7 @@ static void by_perspective(struct bb_tracker *tr, const struct bb_track_set *set
 	size_t done = BB_TRACK_CAMERAS_MAX;
 
 	for (int round = 0; round < 2 && !tr->best.ok; round++) {
-		size_t most = 3, camera = BB_TRACK_CAMERAS_MAX;
+		size_t most = 2, camera = BB_TRACK_CAMERAS_MAX;
 		for (size_t i = 0; i < tr->config.n_cameras; i++)
 			if (i != done && tr->cold.n[i] > most && tr->cold.n[i] <= 10) {
 				most = tr->cold.n[i];
@@ -77,7 +77,8 @@ static void by_perspective(struct bb_tracker *tr, const struct bb_track_set *set
 	}
 }
 
-static size_t free_blobs(const struct bb_tracker *tr, const struct bb_track_set *set)
+/* Free blobs to find a body from: without them a cold start need not begin. */
+static bool enough_blobs(const struct bb_tracker *tr, const struct bb_track_set *set)
 {
 	size_t most = 0, all = 0;
 
@@ -88,7 +89,7 @@ static size_t free_blobs(const struct bb_tracker *tr, const struct bb_track_set 
 		most = n > most ? n : most;
 		all += n;
 	}
-	return most >= 4 || (most >= 3 && all >= 5) ? all : 0;
+	return most >= 4 || (most >= 3 && all >= 5);
 }
 
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
@@ -98,7 +99,7 @@ void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, siz
 	const bool known = bb_track_prior(&tr->bodies[body], set->at_ns, PRIOR_AGE_S, &s);
 
 	out->ok = tr->best.ok = tr->rival.ok = false;
-	if (!free_blobs(tr, set))
+	if (!enough_blobs(tr, set))
 		return;
 	bb_track_match(tr, set, known ? &s.p : NULL);
 	bb_track_label(tr, body);

@@ -8,7 +8,6 @@
 #include "sync/track/track.h"
 
 #define NEAREST 3         /* blobs remembered per marker: nearer ones may belong to another marker */
-#define MERGE_PX 2.0      /* images nearer than this may be one blob */
 #define GATE_SIGMAS 4.0
 #define BORDER_PX 1.0     /* nearer to the edge of the sensor a blob is cut off */
 
@@ -45,14 +44,15 @@ static size_t nearest_blobs(const struct bb_track_view *view, size_t body, const
 	return n;
 }
 
-/* Two images closer than a blob may have melted into one: what one of them finds alone is neither. */
-static bool may_be_merged(const double px[][2], const bool *seen, const bool *got, size_t n, size_t m)
+/* Two images may have melted into one blob half way between: what one of them finds alone is neither. Farther apart
+ * than merge_px the gate itself throws such a blob out. */
+static bool may_be_merged(const double px[][2], const bool *seen, const bool *got, size_t n, size_t m, double merge_px)
 {
 	for (size_t i = 0; i < n; i++) {
 		if (i == m || !seen[i] || got[i])
 			continue;
 		const double dx = px[i][0] - px[m][0], dy = px[i][1] - px[m][1];
-		if (dx * dx + dy * dy < MERGE_PX * MERGE_PX)
+		if (dx * dx + dy * dy < merge_px * merge_px)
 			return true;
 	}
 	return false;
@@ -108,18 +108,20 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 	const double sigma2 = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
 	const double wide = GATE_SIGMAS * sqrt(sigma2 + scale * scale * metric);
 	const double gate_px = fmax(BB_TRACK_GATE * tr->config.blob_sigma_px, fmin(wide, gate->most_px));
+	const double merge_px = 2 * BB_TRACK_GATE * tr->config.blob_sigma_px;
 	for (size_t m = 0; m < n; m++) {
 		seen[m] = bb_lens_project(lens, moved_to(c, markers[m], pivot, dt_s), px[m]) && on_sensor(lens, px[m]);
 		if (!seen[m])
 			continue;
-		c->expected++;
 		n_picks += nearest_blobs(view, body, px[m], gate_px, (uint8_t)m, picks + n_picks);
 	}
 	const size_t n_chosen = assign(picks, n_picks, chosen, got);
 	for (size_t i = 0; i < n_chosen; i++) {
 		const struct bb_blob *blob = &view->blobs[chosen[i]->blob];
-		if (may_be_merged((const double(*)[2])px, seen, got, n, chosen[i]->marker))
+		if (may_be_merged((const double(*)[2])px, seen, got, n, chosen[i]->marker, merge_px)) {
+			c->merged++;
 			continue;
+		}
 		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob, chosen[i]->marker, (float)dt_s,
 			                                    (double)blob->x_px, (double)blob->y_px };
 	}
@@ -133,7 +135,7 @@ size_t bb_track_associate(const struct bb_tracker *tr, const struct bb_track_set
 	struct bb_vec3 markers[BB_TRACK_MARKERS_MAX];
 
 	c->n_obs = 0;
-	c->expected = 0;
+	c->merged = 0;
 	for (size_t m = 0; m < b->body->n_markers; m++)
 		markers[m] = bb_pose_apply(pose, b->body->marker[m]);
 	for (size_t i = 0; i < tr->config.n_cameras; i++)
@@ -246,5 +248,6 @@ bool bb_track_doubtful(const struct bb_tracker *tr, const struct bb_track_set *s
 		odd += around > mine ? around - mine : 0;
 		cameras += around > mine;
 	}
+	odd -= odd < c->merged ? odd : c->merged;
 	return odd >= 2 && (double)odd > share * (double)c->n_obs && (cameras > 1 || tr->config.n_cameras == 1);
 }

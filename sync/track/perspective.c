@@ -1,6 +1,6 @@
 /*
  * sync/track/perspective.c: poses of a body from the blobs of one camera: every labelling of three blobs, ranked by the
- * other blobs of that camera. Bounded work, no state.
+ * other blobs of that camera and of a few others. Bounded work, no state.
  */
 #include <math.h>
 
@@ -11,6 +11,9 @@
 #define SOLVES_MAX 2000
 #define TRIPLES_LEAST 4
 #define BLOBS_MAX 10       /* more blobs than this are a flood, not a body */
+#define OWN_PX 0.5
+#define OTHERS_PX 3.0
+#define OTHERS 4           /* other cameras asked */
 #define NEAR_SIGMAS 20.0   /* a pose from three pixels carries their noise to the others, magnified */
 
 struct scene { /* what stays the same over all labellings */
@@ -28,21 +31,21 @@ static struct bb_vec3 bearing(const struct scene *s, size_t k)
 	return s->tr->cold.ray[s->camera][k].d;
 }
 
-/* Blobs of the camera that some marker explains, each once; ties broken by nearness. */
-static double rank_pose(const struct scene *s, const struct bb_pose *pose)
+/* Free blobs of a camera that some marker explains, each once; nearer counts a little more. */
+static double explained(const struct scene *s, size_t camera, const struct bb_pose *pose, double gate_px)
 {
-	const struct bb_track_view *view = &s->set->views[s->camera];
-	const double gate = NEAR_SIGMAS * s->tr->config.blob_sigma_px + 0.5;
-	unsigned used = 0;
+	const struct bb_track_view *view = &s->set->views[camera];
+	const size_t n = s->tr->cold.n[camera];
+	uint64_t used = 0;
 	double rank = 0;
 
 	for (size_t m = 0; m < s->b->body->n_markers; m++) {
-		double px[2], nearest = gate * gate;
+		double px[2], nearest = gate_px * gate_px;
 		int best = -1;
-		if (!bb_lens_project(s->lens, bb_pose_apply(pose, s->b->body->marker[m]), px))
-			return 0;
-		for (size_t k = 0; k < s->n; k++) {
-			const struct bb_blob *blob = &view->blobs[s->tr->cold.index[s->camera][k]];
+		if (!bb_lens_project(&s->tr->lenses[camera], bb_pose_apply(pose, s->b->body->marker[m]), px))
+			continue;
+		for (size_t k = 0; k < n; k++) {
+			const struct bb_blob *blob = &view->blobs[s->tr->cold.index[camera][k]];
 			const double dx = (double)blob->x_px - px[0], dy = (double)blob->y_px - px[1];
 			if (!(used >> k & 1) && dx * dx + dy * dy < nearest) {
 				nearest = dx * dx + dy * dy;
@@ -51,8 +54,24 @@ static double rank_pose(const struct scene *s, const struct bb_pose *pose)
 		}
 		if (best < 0)
 			continue;
-		used |= 1u << best;
-		rank += 1 - 0.1 * nearest / (gate * gate);
+		used |= (uint64_t)1 << best;
+		rank += 1 - 0.1 * nearest / (gate_px * gate_px);
+	}
+	return rank;
+}
+
+/* What a few other cameras say. They see the depth, which one camera knows worst: a wider gate. */
+static double seconded(const struct scene *s, const struct bb_pose *pose)
+{
+	const double gate_px = NEAR_SIGMAS * s->tr->config.blob_sigma_px + OTHERS_PX;
+	double rank = 0;
+	size_t asked = 0;
+
+	for (size_t i = 0; i < s->tr->config.n_cameras && asked < OTHERS; i++) {
+		if (i == s->camera || !s->tr->cold.n[i] || s->tr->cold.n[i] > BLOBS_MAX)
+			continue;
+		rank += explained(s, i, pose, gate_px);
+		asked++;
 	}
 	return rank;
 }
@@ -72,11 +91,13 @@ static void try_labels(struct scene *s, struct bb_track_cold *cold, const size_t
 			room[j] = bb_vec3_add(s->lens->o, bb_vec3_scale(y[j], depth[i][j]));
 		if (!bb_rigid_fit(x, room, 3, 1e-6, BB_QUAT_IDENTITY, &fit))
 			continue;
-		const double rank = rank_pose(s, &fit.pose);
-		if (rank < 3.5)
+		const double own = explained(s, s->camera, &fit.pose, NEAR_SIGMAS * s->tr->config.blob_sigma_px + OWN_PX);
+		if (own < 2.5)
 			continue;
-		s->best = fmax(s->best, rank);
-		bb_track_hypothesis(cold, s->b, &fit.pose, rank);
+		const double rank = own + seconded(s, &fit.pose);
+		s->best = fmax(s->best, own);
+		if (rank > 3.5)
+			bb_track_hypothesis(cold, s->b, &fit.pose, rank);
 	}
 }
 
@@ -99,7 +120,7 @@ void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set,
 	size_t k[3];
 
 	tr->cold.n_poses = 0;
-	if (s.n < 4 || s.n > BLOBS_MAX)
+	if (s.n < 3 || s.n > BLOBS_MAX)
 		return;
 	const double all = (double)(s.n < s.b->body->n_markers ? s.n : s.b->body->n_markers);
 	for (k[0] = 0; k[0] + 2 < s.n; k[0]++)

@@ -42,7 +42,7 @@ struct bb_track_candidate {
 	struct bb_polish fit;
 	double score;             /* sum of GATE^2 - residual^2 in sigmas: more explained blobs, then nearer */
 	uint16_t n_markers, n_cameras, n_seeing; /* seeing: at least one marker; n_cameras: at least three */
-	uint16_t expected;        /* marker images inside the sensors */
+	uint16_t merged;          /* blobs left out because they may be two markers */
 };
 
 struct bb_track_point { /* a triangulated blob */
@@ -99,7 +99,7 @@ struct bb_track_gate {
 	double position_sigma_m, angle_sigma_rad, most_px;
 };
 
-/* Blobs for the markers of a body under a pose; blobs of other bodies are not touched. Sets expected. */
+/* Blobs for the markers of a body under a pose; blobs of other bodies are not touched. */
 size_t bb_track_associate(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
                           const struct bb_pose *pose, const struct bb_track_gate *gate, struct bb_track_candidate *c);
 /* From a rough pose to a polished candidate, or c->ok = false. */
