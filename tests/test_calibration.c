@@ -138,7 +138,7 @@ static void cursor_stands_where_it_projects(void **ctx)
 static void a_cursor_that_is_nowhere_is_not_drawn(void **ctx)
 {
 	static const struct bb_vec3 nowhere[] = {
-		{ NAN, 0, 0 }, { 0, INFINITY, 0 }, { 0, 1, 3 }, { 0.2, 1.7, 0.4 }, { 40, 1, -1.5 }, { 1e300, 1e300, -1e300 }
+		{ (double)NAN, 0, 0 }, { 0, HUGE_VAL, 0 }, { 0, 1, 3 }, { 0.2, 1.7, 0.4 }, { 40, 1, -1.5 }, { 1e300, 1e300, -1e300 }
 	};
 	struct bb_image plain = picture(&wall, 1, NULL);
 
