@@ -50,7 +50,7 @@ static void interpolates_and_clamps(void **state)
 	assert_true(c[3] == 0.5);
 	bb_transfer_at(&tf, HUGE_VAL, c);
 	assert_true(c[3] == 0.1);
-	bb_transfer_at(&tf, NAN, c);
+	bb_transfer_at(&tf, (double)NAN, c);
 	assert_true(c[3] == 0.5);
 	bb_transfer_at(&tf, 0.75, c);
 	assert_true(c[1] == 1 && c[3] == 0.1);
@@ -78,7 +78,7 @@ static void range_maximum_is_exact(void **state)
 	assert_true(bb_transfer_most_opacity(&tf, 0.3, nextafter(0.6, 1)) > 0);
 	assert_true(bb_transfer_most_opacity(&tf, 0.15, 0.25) == 0.7);
 	assert_true(bb_transfer_most_opacity(&tf, 0.9, 0.15) == 1); /* the wrong way round */
-	assert_true(bb_transfer_most_opacity(&tf, NAN, NAN) == 0);
+	assert_true(bb_transfer_most_opacity(&tf, (double)NAN, (double)NAN) == 0);
 	for (int i = 0; i < 2000; i++) {
 		double v[2], c[4], seen = 0;
 		for (int k = 0; k < 2; k++)
@@ -100,8 +100,8 @@ static void step_correction_is_exact_at_the_ends(void **state)
 	assert_true(bb_transfer_opacity_for_step(0, 0.5) == 0 && !signbit(bb_transfer_opacity_for_step(0, 0.5)));
 	assert_true(bb_transfer_opacity_for_step(1, 0.01) == 1);
 	assert_true(bb_transfer_opacity_for_step(1, 0) == 0);
-	assert_true(bb_transfer_opacity_for_step(NAN, 1) == 0);
-	assert_true(bb_transfer_opacity_for_step(0.5, NAN) == 0);
+	assert_true(bb_transfer_opacity_for_step((double)NAN, 1) == 0);
+	assert_true(bb_transfer_opacity_for_step(0.5, (double)NAN) == 0);
 	assert_true(fabs(bb_transfer_opacity_for_step(0.75, 0.5) - 0.5) <= 1e-15);
 	/* Tiny opacities keep their digits: 1 - pow(1 - a, r) would give 0 here. */
 	assert_true(fabs(bb_transfer_opacity_for_step(1e-18, 0.5) / 5e-19 - 1) <= 1e-12);

@@ -68,7 +68,7 @@ static double shell(int k, double r, double phase)
 	const double radius = 0.30 - 0.07 * k + (0.62 - 0.14 * k) * phase;
 	const double width = 0.07 + 0.05 * phase;
 
-	return bump(r - radius, width) * (0.9 - 0.2 * k) * (1 - 0.55 * phase);
+	return bump(r - radius, width) * (1 - 0.15 * k) * (1 - 0.4 * phase);
 }
 
 static double value_at(struct point p, double phase)
@@ -89,7 +89,7 @@ static double value_at(struct point p, double phase)
 	double clear = 1 - core; /* how much of the background still shows */
 
 	for (int k = 0; k < 3; k++)
-		clear *= 1 - shell(k, r, phase) * smooth(side) * smooth(torn);
+		clear *= 1 - shell(k, r, phase) * smooth(side) * (0.3 + 0.7 * smooth(torn));
 	clear *= 1 - 0.12 * torn * bump(r, 1.0); /* haze */
 	return 1 - clear;
 }
