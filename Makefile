@@ -30,6 +30,8 @@ HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
 OBJ      = $(SRC:%.c=$B/%.o)
 
+export LSAN_OPTIONS := suppressions=$(CURDIR)/tests/lsan.supp:print_suppressions=0
+
 all: $(PROGRAM)
 
 # The revision stands in two files only; they are rebuilt when it changes.

@@ -71,7 +71,7 @@ struct bb_ray bb_rays_at(const struct bb_rays *rays, uint32_t column, uint32_t r
 	                                      bb_vec3_scale(rays->down_m, (row + 0.5) / rays->height));
 	const struct bb_vec3 d = bb_vec3_unit(to, (struct bb_vec3){ 0, 0, -1 });
 	struct bb_ray ray = { .n = 0 };
-	double enter = 0, leave = INFINITY;
+	double enter = 0, leave = HUGE_VAL;
 
 	clip_slab(e.x, d.x, rays->dim.x / k.x / 2, &enter, &leave);
 	clip_slab(e.y, d.y, rays->dim.y / k.y / 2, &enter, &leave);

@@ -248,6 +248,30 @@ static void the_picture_grows_sharp_with_streaming(void **ctx)
 	bb_stream_destroy(s);
 }
 
+/* Averages of a ramp are the ramp: with nothing resident the picture is still right in place and in time, but for the
+ * volume's faces, where an average reaches less far. */
+static void coarse_bricks_sit_in_the_right_place(void **ctx)
+{
+	struct bb_volume *v = drawing_volume(64, 64, 64, 3);
+	const struct bb_stream_config config = { .volume = v,
+		                                 .transfer = &fixture.transfer,
+		                                 .placement = drawing_placement(v),
+		                                 .memory_bytes = BB_BRICK_BYTES };
+	static const double scale[] = { 120, 330, 60 };
+	struct bb_stream *s = NULL;
+
+	(void)ctx;
+	need_gl();
+	for (uint32_t i = 0; i < 3 * 64 * 64 * 64; i++)
+		v->voxels[i] = (uint16_t)(20000 + scale[i >> 18] * ((i & 63) + (i >> 6 & 63) / 2.0 + (i >> 12 & 63) / 3.0));
+	assert_int_equal(bb_stream_create(&config, &s), BB_OK);
+	for (int i = 0; i < 4; i++)
+		assert_true(against_reference(s, 0, 0.3 + 0.5 * i, 1).psnr_db >= 48);
+	bb_renderer_forget(fixture.gl);
+	bb_stream_destroy(s);
+	drawing_free(v);
+}
+
 static void two_renderers_take_turns(void **ctx)
 {
 	struct bb_renderer *other = NULL;
@@ -422,6 +446,7 @@ int main(void)
 		cmocka_unit_test(skipping_empty_bricks_changes_nothing),
 		cmocka_unit_test(only_what_changed_is_sent),
 		cmocka_unit_test(the_picture_grows_sharp_with_streaming),
+		cmocka_unit_test(coarse_bricks_sit_in_the_right_place),
 		cmocka_unit_test(two_renderers_take_turns),
 		cmocka_unit_test(sizes_may_change),
 		cmocka_unit_test(too_large_a_picture_is_an_error),

@@ -142,7 +142,7 @@ static void twice_the_samples_change_little(void **ctx)
 
 static void bad_calls_are_refused(void **ctx)
 {
-	static const double steps[][2] = { { -0.1, 1 }, { 1.01, 1 }, { NAN, 1 }, { 0, 0 }, { 0, NAN }, { 0, 1e9 }, { 0, -1 } };
+	static const double steps[][2] = { { -0.1, 1 }, { 1.01, 1 }, { (double)NAN, 1 }, { 0, 0 }, { 0, (double)NAN }, { 0, 1e9 }, { 0, -1 } };
 	struct bb_volume *v = drawing_volume(20, 18, 16, 2);
 	const struct bb_transfer tf = drawing_smooth();
 	struct bb_stream *s = drawing_stream(v, &tf);

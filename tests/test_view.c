@@ -242,7 +242,7 @@ static void lost_heads_are_held(void **ctx)
 {
 	const struct bb_corners c = { { -1.5, 0, -1.5 }, { 1.5, 0, -1.5 }, { -1.5, 2.4, -1.5 } };
 	const struct bb_vec3 neutral = { 0, 1.7, 0 };
-	const struct bb_vec3 bad[] = { { NAN, 0, 0 }, { 0, INFINITY, 0 }, { 0, 0, -INFINITY }, { 1e300, 0, 0 }, { NAN, NAN, NAN } };
+	const struct bb_vec3 bad[] = { { (double)NAN, 0, 0 }, { 0, HUGE_VAL, 0 }, { 0, 0, -HUGE_VAL }, { 1e300, 0, 0 }, { (double)NAN, (double)NAN, (double)NAN } };
 
 	(void)ctx;
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++) {
@@ -257,19 +257,19 @@ static void lost_heads_are_held(void **ctx)
 
 static void degenerate_corners_never_make_nan(void **ctx)
 {
-	const struct bb_vec3 o = { 1, 2, 3 }, x = { 2, 2, 3 }, n = { NAN, 0, 0 }, eye = { 1, 2, 5 };
+	const struct bb_vec3 o = { 1, 2, 3 }, x = { 2, 2, 3 }, n = { (double)NAN, 0, 0 }, eye = { 1, 2, 5 };
 	const struct bb_corners bad[] = { { o, o, o },
 		                          { o, x, o },
 		                          { o, o, x },
 		                          { o, x, { 3, 2, 3 } },
 		                          { n, x, o },
 		                          { o, n, x },
-		                          { o, x, { 1, INFINITY, 3 } },
+		                          { o, x, { 1, HUGE_VAL, 3 } },
 		                          { o, { 1 + 1e-200, 2, 3 }, { 1, 2 + 1e-200, 3 } } };
 
 	(void)ctx;
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++) {
-		const struct bb_view v = bb_view_make(&bad[i], eye, eye, NAN, -1);
+		const struct bb_view v = bb_view_make(&bad[i], eye, eye, (double)NAN, -1);
 		double ndc[3], w;
 		assert_true(v.flags & BB_VIEW_DEGENERATE);
 		assert_true(all_finite(&v));
