@@ -9,6 +9,7 @@
 
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
 #define BARRIER_DROP_AFTER 3
+#define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
 
 unsigned bb_loop_head(const struct bb_frame_loop *l)
 {
@@ -221,7 +222,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
-	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
+	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes,
+	                l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
 	if (status == BB_OK)
 		status = create_tracker(l);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
@@ -310,6 +312,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	const int64_t settle_ns = BB_NS_PER_S / 4;
 	enum bb_status status = start_shutters(l);
 
+	for (size_t i = 0; l->draw_everything && i < l->room->n_nodes; i++)
+		bb_node_warm_up(&l->nodes[i]);
 	if (status == BB_OK)
 		status = start_cameras(l);
 	if (status == BB_OK)

@@ -112,6 +112,8 @@ struct bb_frame_loop {
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint32_t *camera_seq;
+	int64_t turn_ns;                  /* when the devices were read last */
+	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
 	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
@@ -157,6 +159,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);

@@ -101,6 +101,16 @@ static void draw_all(struct bb_node_machine *n, const struct bb_message *m)
 	}
 }
 
+/* The first draw compiles shaders and fills textures: that belongs to bring-up, not to the scene. */
+void bb_node_warm_up(struct bb_node_machine *n)
+{
+	const struct bb_message m = { .eyes = { n->loop->room->neutral, BB_QUAT_IDENTITY },
+		                      .navigation = BB_POSE_IDENTITY };
+
+	make_views(n, &m, NULL);
+	draw_all(n, &m);
+}
+
 static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_machine *n, int64_t now_ns)
 {
 	return l->options->plant_draw_ns + (l->world ? sim_world_node_delay_ns(l->world, n->index, now_ns) : 0);

@@ -18,12 +18,19 @@ struct device_visit {
 	struct bb_run_result *r;
 };
 
-static int watch_slot(const struct bb_watch *w, const char *name)
+/* A device may be watched in more than one slot (a chain's phase and its parity): the worst of them counts. */
+static void watched(const struct bb_watch *w, const char *name, struct bb_device_result *d)
 {
-	for (size_t i = 0; i < bb_watch_slots(w); i++)
-		if (!strcmp(bb_watch_name(w, i), name))
-			return (int)i;
-	return -1;
+	enum bb_health worst = BB_HEALTH_OK;
+
+	for (size_t i = 0; i < bb_watch_slots(w); i++) {
+		if (strcmp(bb_watch_name(w, i), name))
+			continue;
+		worst = bb_watch_health(w, i) > worst ? bb_watch_health(w, i) : worst;
+		d->longest_bad_s = fmax(d->longest_bad_s, bb_watch_longest_bad_s(w, i));
+		d->bad_s = fmax(d->bad_s, bb_watch_bad_s(w, i));
+	}
+	snprintf(d->health, sizeof(d->health), "%s", bb_health_text(worst));
 }
 
 static void note_of(const struct bb_outcome_sources *s, enum bb_class class, size_t index, const struct bb_device *dev,
@@ -64,12 +71,7 @@ static void visit_device(void *ctx, enum bb_class class, size_t index, const cha
 	d->ops = dev->ops;
 	note_of(v->s, class, index, dev, d->note, sizeof(d->note));
 	snprintf(name, sizeof(name), "%s/%s", class_name, id);
-	const int slot = watch_slot(v->s->watch, name);
-	snprintf(d->health, sizeof(d->health), "%s", bb_health_text(slot < 0 ? BB_HEALTH_OK : bb_watch_health(v->s->watch, (size_t)slot)));
-	if (slot >= 0) {
-		d->longest_bad_s = bb_watch_longest_bad_s(v->s->watch, (size_t)slot);
-		d->bad_s = bb_watch_bad_s(v->s->watch, (size_t)slot);
-	}
+	watched(v->s->watch, name, d);
 }
 
 static void gather_devices(const struct bb_outcome_sources *s, struct bb_run_result *r)
@@ -88,11 +90,14 @@ static void gather_devices(const struct bb_outcome_sources *s, struct bb_run_res
 	}
 }
 
-/* devices_ok: one sample per watched device and node; a device that ends LOST counts as bad for the whole scene. */
+/* devices_ok: one sample per watched device (nodes have metrics of their own); one that ends LOST counts as bad for the
+ * whole scene. */
 static void sample_devices(const struct bb_outcome_sources *s, struct bb_run_result *r)
 {
 	for (size_t i = 0; i < bb_watch_slots(s->watch); i++) {
 		const bool lost = bb_watch_health(s->watch, i) == BB_HEALTH_LOST;
+		if (!strncmp(bb_watch_name(s->watch, i), "node/", 5))
+			continue;
 		struct bb_sample sample = { .value = bb_watch_longest_bad_s(s->watch, i), .at_ns = s->loop->scene_start_ns,
 			                    .node = BB_NOBODY, .stage = BB_STAGE_COUNT };
 		const struct bb_incident *in;
@@ -157,6 +162,18 @@ static void gather_faults(const struct bb_outcome_sources *s, struct bb_run_resu
 	}
 }
 
+/* Time by time, walls in the room's order, left eye first: nodes finish in any order. */
+static int by_time_and_wall(const void *a, const void *b)
+{
+	const struct bb_picture_result *x = a, *y = b;
+
+	if (x->at_s < y->at_s || x->at_s > y->at_s)
+		return x->at_s < y->at_s ? -1 : 1;
+	if (x->screen != y->screen)
+		return x->screen < y->screen ? -1 : 1;
+	return strcmp(x->eye, y->eye);
+}
+
 static void gather_pictures(const struct bb_outcome_sources *s, struct bb_run_result *r)
 {
 	const struct bb_picture_result *taken;
@@ -174,6 +191,8 @@ static void gather_pictures(const struct bb_outcome_sources *s, struct bb_run_re
 		hundredths += (uint64_t)llround(taken[i].psnr_db * 100);
 		bb_ledger_sample(r->ledger, BB_METRIC_PSNR, &sample);
 	}
+	if (r->pictures)
+		qsort(r->pictures, r->n_pictures, sizeof(*r->pictures), by_time_and_wall);
 	if (hundredths)
 		bb_result_count(r, "psnr_centibel_sum", hundredths / 10);
 }

@@ -36,7 +36,7 @@ static bool drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST, "gone: %s", bb_status_text(status));
 		return false;
 	}
-	if (deflected && silent_ns > SILENCE_NS && silent_ns > bb_gamepad_limits(g)->most_report_gap_ns) {
+	if (deflected && !l->was_away && silent_ns > SILENCE_NS && silent_ns > bb_gamepad_limits(g)->most_report_gap_ns) {
 		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST,
 		             "silent for %.0f ms with its stick deflected (battery, radio?)", (double)silent_ns * 1e-6);
 		return false;

@@ -65,6 +65,7 @@ struct bb_fault_result {
 
 struct bb_picture_result {
 	char file[96];             /* inside the result folder */
+	uint16_t screen;           /* index in the room */
 	char wall[BB_ID_MAX];
 	char eye[8];               /* "left", "right", "mono" */
 	double at_s;

@@ -65,7 +65,7 @@ static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
 	const int64_t period_ns = (int64_t)bb_phase_period_ns(&l->phase);
 
 	/* Row G1: stuck after 1.5 periods; what is read once a frame may be a frame old as well. */
-	if (silent_ns > l->frame_ns + period_ns * 3 / 2)
+	if (!l->was_away && silent_ns > l->frame_ns + period_ns * 3 / 2)
 		bb_watch_bad(l->watch, l->shutter_slot, now_ns,
 		             silent_ns > 8 * BB_NS_PER_S ? BB_HEALTH_LOST : BB_HEALTH_HOLDOVER,
 		             "sync lost: no edge for %.1f ms", (double)silent_ns * 1e-6);

@@ -59,9 +59,10 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 		bb_timemap_add(&l->camera_map[cam], frame.mid_exposure, frame.arrived_ns);
 		const uint32_t gap = frame.seq - l->camera_seq[cam] - 1;
 		if (l->camera_seen_ns[cam] && gap && gap < 1000) {
-			bb_result_count(l->result, "camera_frames_dropped", gap);
-			bb_watch_bad(l->watch, l->camera_slot[cam], frame.arrived_ns, BB_HEALTH_DEGRADED,
-			             "dropped %u frames before frame %u", gap, frame.seq);
+			bb_result_count(l->result, l->was_away ? "camera_frames_missed_by_loop" : "camera_frames_dropped", gap);
+			if (!l->was_away)
+				bb_watch_bad(l->watch, l->camera_slot[cam], frame.arrived_ns, BB_HEALTH_DEGRADED,
+				             "dropped %u frames before frame %u", gap, frame.seq);
 		}
 		l->camera_seq[cam] = frame.seq;
 		l->camera_seen_ns[cam] = frame.arrived_ns;
@@ -76,7 +77,7 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 	const int64_t silent_ns = now_ns - l->camera_seen_ns[cam];
 	if (status < 0)
 		bb_watch_bad(l->watch, l->camera_slot[cam], now_ns, BB_HEALTH_LOST, "gone: %s", bb_status_text(status));
-	else if (silent_ns > 2 * period_ns + 2 * bb_camera_limits(l->rig->cameras[cam])->least_latency_ns)
+	else if (!l->was_away && silent_ns > 2 * period_ns + 2 * bb_camera_limits(l->rig->cameras[cam])->least_latency_ns)
 		bb_watch_bad(l->watch, l->camera_slot[cam], now_ns, BB_HEALTH_LOST, "no frame for %.0f ms",
 		             (double)silent_ns * 1e-6);
 }
