@@ -108,6 +108,7 @@ struct blame {
 	int64_t scene_start_ns;
 	const struct bb_sample *worst;
 	size_t n_frames;            /* distinct frames beyond the limit */
+	const char *mark;           /* "limit", or "marginal" when that is what was passed */
 };
 
 static double size_of(const struct blame *m, double value)
@@ -132,6 +133,7 @@ static void blame_init(struct blame *m, const struct bb_run_result *r, const str
 	uint64_t last = UINT64_MAX;
 
 	*m = (struct blame){ .r = r, .budget = budget, .limit = bb_budget_is_count(budget->metric) ? 0 : limit };
+	m->mark = limit < budget->limit || limit > budget->limit ? "marginal" : "limit";
 	m->n = bb_ledger_samples(r->ledger, budget->metric, &m->sample);
 	m->scene_start_ns = llround(r->scene_start_s * 1e9);
 	for (size_t i = 0; i < m->n; i++) {
@@ -299,9 +301,9 @@ static void tell_incident(const struct blame *m, const struct bb_incident *in, s
 	bb_text_number(value, sizeof(value), m->worst->value);
 	bb_text_number(limit, sizeof(limit), m->limit);
 	bb_text_format(b->culprit, sizeof(b->culprit), "%s", in->culprit);
-	bb_text_format(b->cause, sizeof(b->cause), "%.40s%s %s since %.3f s (%.60s): %s %s at %.3f s (limit %s), %zu frame%s",
+	bb_text_format(b->cause, sizeof(b->cause), "%.40s%s %s since %.3f s (%.60s): %s %s at %.3f s (%s %s), %zu frame%s",
 	         in->culprit, more, in->state, (double)in->from_ns * 1e-9, in->what, value, info->unit,
-	         scene_s(m, m->worst->at_ns), limit, m->n_frames, m->n_frames == 1 ? "" : "s");
+	         scene_s(m, m->worst->at_ns), m->mark, limit, m->n_frames, m->n_frames == 1 ? "" : "s");
 	b->cause_ns = m->worst->at_ns - m->scene_start_ns;
 }
 
@@ -309,7 +311,8 @@ static void tell_spender(const struct blame *m, const struct spender *s, struct 
 {
 	const struct bb_metric_info *info = bb_metric_info(b->budget.metric);
 	const size_t n_nodes = m->r->room->n_nodes;
-	const double ms = s->stage < BB_STAGE_COUNT ? span_ms(m->r->ledger, s->worst->frame, s->stage, s->node, n_nodes)
+	/* What follows the flip takes the time it takes: its span says nothing about the miss. */
+	const double ms = s->stage <= BB_STAGE_PRESENT ? span_ms(m->r->ledger, s->worst->frame, s->stage, s->node, n_nodes)
 	                                            : BB_UNKNOWN;
 	char value[32], limit[32], took[32], what[120];
 
@@ -324,8 +327,8 @@ static void tell_spender(const struct blame *m, const struct spender *s, struct 
 		         info->unit);
 	else
 		bb_text_format(what, sizeof(what), "%s %s %s", info->name, value, info->unit);
-	bb_text_format(b->cause, sizeof(b->cause), "%s %s at %.3f s (limit %s %s), %zu frame%s", b->culprit, what,
-	         scene_s(m, s->worst->at_ns), limit, info->unit, s->n_frames, s->n_frames == 1 ? "" : "s");
+	bb_text_format(b->cause, sizeof(b->cause), "%s %s at %.3f s (%s %s %s), %zu frame%s", b->culprit, what,
+	         scene_s(m, s->worst->at_ns), m->mark, limit, info->unit, s->n_frames, s->n_frames == 1 ? "" : "s");
 	b->cause_ns = s->worst->at_ns - m->scene_start_ns;
 }
 

@@ -178,8 +178,10 @@ static void sum_up(struct bb_run_result *r)
 	else if (r->verdict == BB_SKIP)
 		bb_text_format(out, cap, "SKIP: nothing could be judged");
 	else if (b)
-		bb_text_format(out, cap, "%s: %zu of %zu budgets; %s %s: %.160s", bb_verdict_text(r->verdict), n,
-		         r->n_budgets - skipped, bb_metric_info(b->budget.metric)->name, bb_stat_text(b->budget.stat), b->cause);
+		bb_text_format(out, cap, "%s: %zu of %zu budgets %s; %s %s: %.160s", bb_verdict_text(r->verdict), n,
+		         r->n_budgets - skipped,
+		         r->verdict == BB_FAIL ? "missed" : r->verdict == BB_MARGINAL ? "beyond the marginal mark" : "undecided",
+		         bb_metric_info(b->budget.metric)->name, bb_stat_text(b->budget.stat), b->cause);
 	else
 		bb_text_format(out, cap, "%s: interrupted after %.3g s", bb_verdict_text(r->verdict), r->duration_s);
 }

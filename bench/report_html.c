@@ -10,12 +10,28 @@
 #include <stdlib.h>
 #include <string.h>
 
-double bb_report_limit(const struct bb_run_result *r, enum bb_metric metric)
+const struct bb_budget_result *bb_report_budget(const struct bb_run_result *r, enum bb_metric metric)
 {
 	for (size_t i = 0; i < r->n_budgets; i++)
 		if (r->budgets[i].budget.metric == metric)
-			return r->budgets[i].budget.limit;
-	return BB_UNKNOWN;
+			return &r->budgets[i];
+	return NULL;
+}
+
+double bb_report_limit(const struct bb_run_result *r, enum bb_metric metric)
+{
+	const struct bb_budget_result *b = bb_report_budget(r, metric);
+
+	return b ? b->budget.limit : BB_UNKNOWN;
+}
+
+const char *bb_report_unit(const char *unit)
+{
+	if (!strcmp(unit, "percent"))
+		return "%";
+	if (!strcmp(unit, "us"))
+		return "\xC2\xB5s";
+	return !strcmp(unit, "db") ? "dB" : !strcmp(unit, "count") ? "" : unit;
 }
 
 static void put_head(FILE *f, const struct bb_run_result *r)
@@ -153,11 +169,11 @@ static void put_page(FILE *f, const struct bb_run_result *r, const char *dir, co
 	end(f);
 	put_latency(f, r);
 	begin(f, "time", "Over time",
-	      "Every frame of the run; a dashed line is a limit, a tinted band an incident, a tick above a planted fault.");
+	      "Every frame, in seconds of the scene. Dashed: the limit; tinted: an incident; arrow: a planted fault.");
 	bb_plot_series(f, r);
 	end(f);
 	put_room(f, room_svg);
-	begin(f, "pictures", "Pictures", "Left and right eye of each wall, as drawn during the run.");
+	begin(f, "pictures", "Pictures", "Left and right eye of each wall, with PSNR against full resolution where it was measured.");
 	bb_report_pictures(f, r, dir);
 	end(f);
 	begin(f, "devices", "Devices", NULL);

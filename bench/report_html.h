@@ -32,7 +32,9 @@ void bb_plot_stack(FILE *f, const struct bb_run_result *r);
 void bb_plot_distribution(FILE *f, const struct bb_run_result *r, enum bb_metric metric, const char *title);
 void bb_plot_series(FILE *f, const struct bb_run_result *r);
 const char *bb_stage_colour(enum bb_stage stage);
-/* The limit of the first budget of a metric, BB_UNKNOWN without one. */
+/* The first budget of a metric, NULL without one; and its limit, BB_UNKNOWN without one. */
+const struct bb_budget_result *bb_report_budget(const struct bb_run_result *r, enum bb_metric metric);
 double bb_report_limit(const struct bb_run_result *r, enum bb_metric metric);
+const char *bb_report_unit(const char *unit); /* as a person writes it: "us" with a mu, "%" */
 
 #endif

@@ -56,6 +56,15 @@ static double tick_step(double span, double n)
 	return base * (digit <= 1 ? 1 : digit <= 2 ? 2 : digit <= 5 ? 5 : 10);
 }
 
+/* With a halo of paper, so that a line behind a label does not strike it out. */
+static void put_label(FILE *f, double x, double y, const char *anchor, const char *fill, const char *text)
+{
+	fprintf(f, "<text class=\"halo\" x=\"%.1f\" y=\"%.1f\" font-size=\"12\" text-anchor=\"%s\" fill=\"%s\">", x, y,
+	        anchor, fill);
+	bb_put_markup(f, text);
+	fputs("</text>", f);
+}
+
 static void put_text(FILE *f, double x, double y, const char *anchor, const char *fill, const char *text)
 {
 	fprintf(f, "<text x=\"%.1f\" y=\"%.1f\" font-size=\"12\" text-anchor=\"%s\" fill=\"%s\">", x, y, anchor, fill);
@@ -87,7 +96,8 @@ static void put_x_axis(FILE *f, const struct axes *a, double n, const char *unit
 		put_line(f, x, a->bottom, x, a->bottom + 4, FAINT, "");
 		put_text(f, x, a->bottom + 17, "middle", SOFT, tick_text(text, sizeof(text), i * step));
 	}
-	put_text(f, a->right, a->bottom + 31, "end", SOFT, unit);
+	if (unit)
+		put_text(f, a->right, a->bottom + 31, "end", SOFT, unit);
 }
 
 static void put_y_axis(FILE *f, const struct axes *a, double n)
@@ -154,8 +164,19 @@ static void put_marker(FILE *f, const struct axes *a, double v, const char *name
 	put_line(f, x_of(a, v), label_y + 4, x_of(a, v), a->bottom + 1, colour,
 	         dashed ? " stroke-width=\"1.4\" stroke-dasharray=\"5 3\"" : " stroke-width=\"1.2\"");
 	bb_text_format(text, sizeof(text), "%s %s", name, bb_text_number(number, sizeof(number), v));
-	put_text(f, x_of(a, v), label_y, x_of(a, v) > a->right - 60 ? "end" : x_of(a, v) < a->left + 60 ? "start" : "middle",
-	         colour, text);
+	put_label(f, x_of(a, v), label_y, x_of(a, v) > a->right - 60 ? "end" : x_of(a, v) < a->left + 60 ? "start" : "middle",
+	          colour, text);
+}
+
+/* The limit of a budget with the statistic it is meant for. */
+static void put_limit_marker(FILE *f, const struct axes *a, const struct bb_budget_result *b, double label_y)
+{
+	char name[32];
+
+	if (!b)
+		return;
+	bb_text_format(name, sizeof(name), "%s limit", bb_stat_text(b->budget.stat));
+	put_marker(f, a, b->budget.limit, name, LIMIT, true, label_y);
 }
 
 void bb_plot_stack(FILE *f, const struct bb_run_result *r)
@@ -179,7 +200,7 @@ void bb_plot_stack(FILE *f, const struct bb_run_result *r)
 	put_x_axis(f, &a, 12, "ms");
 	put_marker(f, &a, all.p50, "median", INK, false, 30);
 	put_marker(f, &a, all.p99, "p99", INK, false, 14);
-	put_marker(f, &a, limit, "limit", LIMIT, true, 30);
+	put_limit_marker(f, &a, bb_report_budget(r, BB_METRIC_HEAD_TO_PHOTON), 30);
 	fputs("</svg></figure>\n", f);
 }
 
@@ -253,10 +274,10 @@ void bb_plot_distribution(FILE *f, const struct bb_run_result *r, enum bb_metric
 	begin_svg(f, 504, 228, title);
 	put_bars(f, &a, bins, most);
 	put_cumulative(f, &a, bins, n);
-	put_x_axis(f, &a, 8, info->unit);
+	put_x_axis(f, &a, 8, bb_report_unit(info->unit));
 	put_marker(f, &a, all.p50, "median", INK, false, 12);
 	put_marker(f, &a, all.p99, "p99", INK, false, 27);
-	put_marker(f, &a, limit, "limit", LIMIT, true, 42);
+	put_limit_marker(f, &a, bb_report_budget(r, metric), 42);
 	fputs("</svg></figure>\n", f);
 }
 
@@ -358,14 +379,14 @@ static void put_bands(FILE *f, const struct bb_run_result *r, const struct axes 
 }
 
 /* The limit belongs into the picture unless it would press the curve flat. */
-static void put_limit(FILE *f, const struct axes *a, double limit, const char *unit)
+static void put_limit(FILE *f, const struct axes *a, const struct bb_budget_result *b, const char *unit)
 {
-	const double y = y_of(a, limit);
+	const double limit = b ? b->budget.limit : 0, y = y_of(a, limit);
 	char text[64], number[32];
 
-	if (isnan(limit))
+	if (!b)
 		return;
-	bb_text_format(text, sizeof(text), "limit %s %s%s", bb_text_number(number, sizeof(number), limit), unit,
+	bb_text_format(text, sizeof(text), "%s limit %s %s%s", bb_stat_text(b->budget.stat), bb_text_number(number, sizeof(number), limit), unit,
 	               limit > a->y_high ? " (off scale)" : "");
 	if (limit <= a->y_high) {
 		put_line(f, a->left, y, a->right, y, LIMIT, " stroke-width=\"1.2\" stroke-dasharray=\"5 3\"");
@@ -373,7 +394,7 @@ static void put_limit(FILE *f, const struct axes *a, double limit, const char *u
 			put_line(f, a->left, y_of(a, -limit), a->right, y_of(a, -limit), LIMIT,
 			         " stroke-width=\"1.2\" stroke-dasharray=\"5 3\"");
 	}
-	put_text(f, a->right, a->top - 9, "end", LIMIT, text);
+	put_text(f, a->right, 14, "end", LIMIT, text);
 }
 
 static void range_of(const struct column *column, double limit, struct axes *a)
@@ -410,15 +431,15 @@ static void put_panel(FILE *f, const struct bb_run_result *r, const struct panel
 		return;
 	range_of(column, limit, &a);
 	fputs("<figure>", f);
-	begin_svg(f, WIDTH, 156, p->title);
+	begin_svg(f, WIDTH, 144, p->title);
 	fprintf(f, "<text x=\"0\" y=\"14\" font-size=\"13\"><tspan font-weight=\"600\" fill=\"" INK "\">%s</tspan>"
 	           "<tspan fill=\"" SOFT "\" dx=\"6\">%s</tspan></text>",
-	        p->title, info->unit);
+	        p->title, bb_report_unit(info->unit));
 	put_y_axis(f, &a, 3);
 	put_bands(f, r, &a);
 	put_curve(f, &a, column);
-	put_limit(f, &a, limit, info->unit);
-	put_x_axis(f, &a, 10, "s");
+	put_limit(f, &a, bb_report_budget(r, p->metric), bb_report_unit(info->unit));
+	put_x_axis(f, &a, 10, NULL);
 	fputs("</svg></figure>\n", f);
 }
 

@@ -36,8 +36,8 @@ static void cell_count(FILE *f, uint64_t v)
 
 	bb_text_format(plain, sizeof(plain), "%llu", (unsigned long long)v);
 	for (size_t i = 0, n = strlen(plain); i < n; i++) {
-		if (i && (n - i) % 3 == 0) { /* U+202F, a narrow space that does not break */
-			memcpy(grouped + k, "\xE2\x80\xAF", 3);
+		if (i && (n - i) % 3 == 0) { /* U+2009, a thin space; cells do not break */
+			memcpy(grouped + k, "\xE2\x80\x89", 3);
 			k += 3;
 		}
 		grouped[k++] = plain[i];
@@ -54,15 +54,6 @@ static void cell_ms(FILE *f, double v)
 	if (!isnan(v))
 		bb_text_format(text, sizeof(text), "%.3f", v);
 	cell(f, "n", text);
-}
-
-static const char *unit_text(const char *unit)
-{
-	if (!strcmp(unit, "percent"))
-		return "%";
-	if (!strcmp(unit, "us"))
-		return "\xC2\xB5s";
-	return !strcmp(unit, "db") ? "dB" : !strcmp(unit, "count") ? "" : unit;
 }
 
 /* ---- verdicts ---- */
@@ -97,12 +88,12 @@ static void put_budget(FILE *f, const struct bb_budget_result *b)
 	cell_number(f, b->value);
 	bb_text_number(number, sizeof(number), b->uncertainty);
 	bb_text_format(text, sizeof(text), "%s%s %s", b->uncertainty > 0 ? "\xC2\xB1\xE2\x80\xAF" : "",
-	               b->uncertainty > 0 ? number : "", isnan(b->value) ? "" : unit_text(info->unit));
+	               b->uncertainty > 0 ? number : "", isnan(b->value) ? "" : bb_report_unit(info->unit));
 	cell(f, "u", text);
 	bb_text_format(text, sizeof(text), "%s %s", info->lower_limit ? "\xE2\x89\xA5" : "\xE2\x89\xA4",
 	               bb_text_number(number, sizeof(number), b->budget.limit));
 	cell(f, "n", text);
-	cell(f, "u", unit_text(info->unit));
+	cell(f, "u", bb_report_unit(info->unit));
 	fprintf(f, "<td class=\"w\"><span class=\"tag %s\">%s</span></td>", verdict, verdict);
 	put_cause(f, b);
 	fputs("</tr>\n", f);
@@ -505,9 +496,14 @@ static bool put_image(FILE *f, const char *dir, const struct bb_picture_result *
 	return true;
 }
 
+static bool same_time(const struct bb_picture_result *a, const struct bb_picture_result *b)
+{
+	return a->at_s >= b->at_s && a->at_s <= b->at_s;
+}
+
 static bool same_wall(const struct bb_picture_result *a, const struct bb_picture_result *b)
 {
-	return !strcmp(a->wall, b->wall) && a->at_s >= b->at_s && a->at_s <= b->at_s;
+	return !strcmp(a->wall, b->wall) && same_time(a, b);
 }
 
 static void put_quality(FILE *f, const struct bb_picture_result *p)
@@ -515,9 +511,9 @@ static void put_quality(FILE *f, const struct bb_picture_result *p)
 	if (isnan(p->psnr_db))
 		return;
 	if (p->identical)
-		bb_put_markupf(f, " %s: identical", p->eye);
+		bb_put_markupf(f, "\xE2\x80\x82%s identical", p->eye);
 	else
-		bb_put_markupf(f, " %s: %.1f dB", p->eye, fmin(p->psnr_db, 200));
+		bb_put_markupf(f, "\xE2\x80\x82%s %.1f dB", p->eye, fmin(p->psnr_db, 200));
 }
 
 /* One wall at one time: every eye of it, left first. */
@@ -534,7 +530,6 @@ static void put_wall(FILE *f, const struct bb_run_result *r, size_t first, const
 				fputs("<span class=\"soft\">not embedded</span>", f);
 	fputs("</div><div class=\"cap\"><span><b>", f);
 	bb_put_markup(f, wall->wall);
-	bb_put_markupf(f, "\xE2\x80\x82%.3f s", wall->at_s);
 	fputs("</b></span><span>", f);
 	for (size_t e = 0; e < BB_ARRAY_LEN(eyes); e++)
 		for (size_t i = first; i < r->n_pictures; i++)
@@ -559,9 +554,12 @@ void bb_report_pictures(FILE *f, const struct bb_run_result *r, const char *dir)
 		fputs("<p class=\"soft\">This run drew no pictures.</p>\n", f);
 		return;
 	}
-	fputs("<div class=\"walls\">\n", f);
-	for (size_t i = 0; i < r->n_pictures; i++)
-		if (!wall_shown(r, i))
-			put_wall(f, r, i, dir, &left);
+	for (size_t i = 0; i < r->n_pictures; i++) {
+		if (wall_shown(r, i))
+			continue;
+		if (!i || !same_time(&r->pictures[i - 1], &r->pictures[i]))
+			fprintf(f, "%s<h3>At %.3f s</h3>\n<div class=\"walls\">\n", i ? "</div>" : "", r->pictures[i].at_s);
+		put_wall(f, r, i, dir, &left);
+	}
 	fputs("</div>\n", f);
 }
