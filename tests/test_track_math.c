@@ -20,12 +20,14 @@
 
 static struct bb_vec3 any_point(struct scene_rng *r, double size)
 {
-	return (struct bb_vec3){ scene_uniform(r, -size, size), scene_uniform(r, -size, size), scene_uniform(r, -size, size) };
+	return (struct bb_vec3){ scene_uniform(r, -size, size), scene_uniform(r, -size, size),
+				 scene_uniform(r, -size, size) };
 }
 
 static struct bb_vec3 shaken(struct scene_rng *r, struct bb_vec3 p, double sigma)
 {
-	return bb_vec3_add(p, (struct bb_vec3){ sigma * scene_normal(r), sigma * scene_normal(r), sigma * scene_normal(r) });
+	return bb_vec3_add(
+		p, (struct bb_vec3){ sigma * scene_normal(r), sigma * scene_normal(r), sigma * scene_normal(r) });
 }
 
 static void eigen_rebuilds_the_matrix(void **state)
@@ -80,7 +82,7 @@ static void cholesky_solves_and_refuses(void **state)
 		}
 	memset(l, 0, sizeof(l));
 	assert_false(bb_chol6_factor(l));
-	l[0][0] = NAN;
+	l[0][0] = (double)NAN;
 	assert_false(bb_chol6_factor(l));
 }
 
@@ -105,7 +107,8 @@ static void lens_agrees_with_the_fixture(void **state)
 	scene_room(&s, 8, 0);
 	for (int round = 0; round < 20000; round++) {
 		const struct bb_camera_config *c = &s.cameras[round % 8];
-		const struct bb_vec3 p = { scene_uniform(&r, -1.2, 1.2), scene_uniform(&r, 0, 2.2), scene_uniform(&r, -1.2, 1.2) };
+		const struct bb_vec3 p = { scene_uniform(&r, -1.2, 1.2), scene_uniform(&r, 0, 2.2),
+					   scene_uniform(&r, -1.2, 1.2) };
 		struct bb_lens lens;
 		struct bb_ray ray;
 		double truth[2], px[2], ahead[2], jac[2][3];
@@ -126,7 +129,8 @@ static void lens_agrees_with_the_fixture(void **state)
 
 static void lens_refuses_what_it_cannot_invert(void **state)
 {
-	struct bb_camera_config c = scene_camera((struct bb_vec3){ 0, 0, 0 }, (struct bb_vec3){ 0, 0, -1 }, 640, 480, 90, -0.3, 0);
+	struct bb_camera_config c =
+		scene_camera((struct bb_vec3){ 0, 0, 0 }, (struct bb_vec3){ 0, 0, -1 }, 640, 480, 90, -0.3, 0);
 	struct bb_lens lens;
 	struct bb_ray ray;
 	double px[2];
@@ -136,13 +140,13 @@ static void lens_refuses_what_it_cannot_invert(void **state)
 	/* r (1 - 0.3 r^2) peaks at r = 1.054 with 0.703: 225 px from the centre no ray can arrive */
 	assert_true(bb_lens_ray(&lens, c.cx_px + 0.70 * c.fx_px, c.cy_px, &ray));
 	assert_false(bb_lens_ray(&lens, c.cx_px + 0.71 * c.fx_px, c.cy_px, &ray));
-	assert_false(bb_lens_ray(&lens, NAN, 3, &ray));
+	assert_false(bb_lens_ray(&lens, (double)NAN, 3, &ray));
 	assert_false(bb_lens_project(&lens, (struct bb_vec3){ 2, 0, -1 }, px));
 	assert_false(bb_lens_project(&lens, (struct bb_vec3){ 0, 0, 1 }, px));
 	c.fx_px = 0;
 	assert_false(bb_lens_init(&lens, &c));
 	c.fx_px = 300;
-	c.k1 = NAN;
+	c.k1 = (double)NAN;
 	assert_false(bb_lens_init(&lens, &c));
 }
 
@@ -162,7 +166,8 @@ static void depth_error_is_what_geometry_says(void **state)
 			struct bb_triangulated t;
 			for (int k = 0; k < 2; k++) {
 				s[k].o = (struct bb_vec3){ k ? base : -base, 0, 0 };
-				const struct bb_vec3 d = bb_vec3_unit(bb_vec3_sub((struct bb_vec3){ 0, 0, z }, s[k].o), s[k].o);
+				const struct bb_vec3 d =
+					bb_vec3_unit(bb_vec3_sub((struct bb_vec3){ 0, 0, z }, s[k].o), s[k].o);
 				s[k].d = bb_vec3_unit(shaken(&r, d, delta), d);
 				s[k].sigma_rad = delta;
 			}
@@ -172,8 +177,8 @@ static void depth_error_is_what_geometry_says(void **state)
 			sigma += t.sigma_m * t.sigma_m;
 		}
 		const double rms = sqrt(sum / n), want = z * delta * sqrt(2) / (2 * tan(half));
-		printf("[ note ] rays at %.2f deg: depth %.2f mm rms, geometry %.2f mm, stated %.2f mm\n", angle_deg, 1e3 * rms,
-		       1e3 * want, 1e3 * sqrt(sigma / n));
+		printf("[ note ] rays at %.2f deg: depth %.2f mm rms, geometry %.2f mm, stated %.2f mm\n", angle_deg,
+		       1e3 * rms, 1e3 * want, 1e3 * sqrt(sigma / n));
 		assert_true(fabs(rms / want - 1) < 0.15 && fabs(sqrt(sigma / n) / want - 1) < 0.15);
 	}
 }
@@ -283,15 +288,19 @@ static void roll_of_a_line_is_honest_and_held(void **state)
 			for (int m = 0; m < 4; m++)
 				room[m] = shaken(&r, bb_quat_rotate(q, body[m]), 0.2e-3);
 			/* what came before knows the roll, and the line to 5 degrees */
-			const struct bb_quat before = bb_quat_mul(bb_quat_exp(bb_vec3_scale(bb_vec3_cross(line, any_point(&r, 1)), 0.09)), q);
+			const struct bb_quat before =
+				bb_quat_mul(bb_quat_exp(bb_vec3_scale(bb_vec3_cross(line, any_point(&r, 1)), 0.09)), q);
 			assert_true(bb_rigid_fit(body, room, 4, 0.2e-3, before, &fit));
 			sum += pow(bb_vec3_dot(bb_quat_log(bb_quat_mul(fit.pose.q, bb_quat_conj(q))), line), 2);
-			tilt += pow(bb_vec3_norm(bb_vec3_cross(bb_quat_rotate(fit.pose.q, (struct bb_vec3){ 1, 0, 0 }), line)), 2);
+			tilt += pow(bb_vec3_norm(bb_vec3_cross(bb_quat_rotate(fit.pose.q, (struct bb_vec3){ 1, 0, 0 }),
+							       line)),
+				    2);
 			stated += fit.roll_sigma_rad;
 			held = fit.collinear;
 		}
-		printf("[ note ] spread %.1f mm: roll %.2f deg rms, stated %.2f deg, line %.3f deg, %s\n", lateral_mm[k],
-		       DEG * sqrt(sum / n), DEG * stated / n, DEG * sqrt(tilt / n), held ? "held" : "free");
+		printf("[ note ] spread %.1f mm: roll %.2f deg rms, stated %.2f deg, line %.3f deg, %s\n",
+		       lateral_mm[k], DEG * sqrt(sum / n), DEG * stated / n, DEG * sqrt(tilt / n),
+		       held ? "held" : "free");
 		assert_int_equal(held, lateral_mm[k] < 5);
 		assert_true(held || fabs(stated / n / sqrt(sum / n) - 1) < 0.2);
 		assert_true(!held || DEG * sqrt(sum / n) < 3.0); /* as good as what came before, not 121 degrees */
@@ -318,8 +327,9 @@ static void three_bearings_give_the_true_pose_among_theirs(void **state)
 
 	(void)state;
 	for (size_t round = 0; round < n; round++) {
-		const struct bb_pose truth = { { scene_uniform(&r, -1, 1), scene_uniform(&r, -1, 1), scene_uniform(&r, 0.4, 4) },
-			                       scene_any_turn(&r) };
+		const struct bb_pose truth = { { scene_uniform(&r, -1, 1), scene_uniform(&r, -1, 1),
+						 scene_uniform(&r, 0.4, 4) },
+					       scene_any_turn(&r) };
 		struct bb_vec3 x[3], y[3];
 		double want[3], depth[4][3], best = 1;
 		for (int i = 0; i < 3; i++) {
@@ -331,11 +341,12 @@ static void three_bearings_give_the_true_pose_among_theirs(void **state)
 		const size_t found = bb_p3p_depths(y, x, depth);
 		sums[found]++;
 		for (size_t k = 0; k < found; k++)
-			best = fmin(best, fabs(depth[k][0] - want[0]) + fabs(depth[k][1] - want[1]) + fabs(depth[k][2] - want[2]));
+			best = fmin(best, fabs(depth[k][0] - want[0]) + fabs(depth[k][1] - want[1]) +
+						  fabs(depth[k][2] - want[2]));
 		missed += best > 1e-6;
 	}
-	printf("[ note ] p3p: %zu of %zu missed; 0..4 answers: %zu %zu %zu %zu %zu\n", missed, n, sums[0], sums[1], sums[2],
-	       sums[3], sums[4]);
+	printf("[ note ] p3p: %zu of %zu missed; 0..4 answers: %zu %zu %zu %zu %zu\n", missed, n, sums[0], sums[1],
+	       sums[2], sums[3], sums[4]);
 	assert_true(missed * 500 < n);
 }
 
@@ -352,24 +363,31 @@ static void polish_returns_from_a_rough_start(void **state)
 	for (int i = 0; i < 8; i++)
 		assert_true(bb_lens_init(&lenses[i], &s.cameras[i]));
 	for (int round = 0; round < 200; round++) {
-		const struct bb_pose truth = { { scene_uniform(&r, -.4, .4), 1.4, scene_uniform(&r, -.4, .4) }, scene_any_turn(&r) };
-		const struct bb_vec3 centroid = scene_centroid(&scene_glasses, &BB_POSE_IDENTITY), speed = any_point(&r, 1);
-		struct bb_polish p = { .lenses = lenses, .markers = scene_glasses.marker, .centroid = centroid, .obs = obs,
-			               .sigma_px = 0.05, .velocity = speed };
+		const struct bb_pose truth = { { scene_uniform(&r, -.4, .4), 1.4, scene_uniform(&r, -.4, .4) },
+					       scene_any_turn(&r) };
+		const struct bb_vec3 centroid = scene_centroid(&scene_glasses, &BB_POSE_IDENTITY),
+				     speed = any_point(&r, 1);
+		struct bb_polish p = { .lenses = lenses,
+				       .markers = scene_glasses.marker,
+				       .centroid = centroid,
+				       .obs = obs,
+				       .sigma_px = 0.05,
+				       .velocity = speed };
 		for (uint16_t c = 0; c < 8; c++)
 			for (uint8_t m = 0; m < 5; m++) {
 				const float dt_s = 0.0005f * (float)c;
 				const struct bb_vec3 at = bb_vec3_add(bb_pose_apply(&truth, scene_glasses.marker[m]),
-				                                      bb_vec3_scale(speed, (double)dt_s));
+								      bb_vec3_scale(speed, (double)dt_s));
 				double px[2];
 				if (!scene_pixel(&s.cameras[c], at, px))
 					continue;
 				obs[p.n_obs++] = (struct bb_track_obs){ c, 0, m, dt_s, px[0], px[1] };
 			}
 		p.pose = (struct bb_pose){ bb_vec3_add(truth.p, any_point(&r, 0.05)),
-			                   bb_quat_mul(bb_quat_exp(any_point(&r, 0.17)), truth.q) };
+					   bb_quat_mul(bb_quat_exp(any_point(&r, 0.17)), truth.q) };
 		assert_true(bb_polish_run(&p, 20));
-		assert_true(bb_vec3_norm(bb_vec3_sub(p.pose.p, truth.p)) < 1e-7 && bb_quat_angle(p.pose.q, truth.q) < 1e-6);
+		assert_true(bb_vec3_norm(bb_vec3_sub(p.pose.p, truth.p)) < 1e-7 &&
+			    bb_quat_angle(p.pose.q, truth.q) < 1e-6);
 		assert_true(p.chi2 < 1e-6);
 	}
 }

@@ -41,7 +41,7 @@ static void add_solution(struct sums *s, const struct scene *sc, size_t body, co
 	const struct bb_vec3 truth = scene_centroid(&sc->bodies[body], &sc->pose[body]);
 
 	add_error(s, 1e3 * bb_vec3_norm(bb_vec3_sub(sol->centroid, truth)),
-	          DEG * bb_quat_angle(sol->body.q, sc->pose[body].q), sol->position_sigma_mm, sol->angle_sigma_deg);
+		  DEG * bb_quat_angle(sol->body.q, sc->pose[body].q), sol->position_sigma_mm, sol->angle_sigma_deg);
 }
 
 static void print_sums(const char *what, const struct sums *s)
@@ -141,16 +141,16 @@ static void prediction_halves_the_lag(void **state)
 			const struct bb_track_pose p = bb_tracker_pose(tr, 0, at_ns);
 			assert_int_equal(p.flags, BB_TRACK_FRESH);
 			add_error(&with[h], 1e3 * bb_vec3_norm(bb_vec3_sub(p.eyes.p, eyes)),
-			          DEG * bb_quat_angle(p.eyes.q, truth.q), p.position_sigma_mm, 0);
+				  DEG * bb_quat_angle(p.eyes.q, truth.q), p.position_sigma_mm, 0);
 			add_error(&without[h], 1e3 * bb_vec3_norm(bb_vec3_sub(still, eyes)),
-			          DEG * bb_quat_angle(sol.body.q, truth.q), 0, 0);
+				  DEG * bb_quat_angle(sol.body.q, truth.q), 0, 0);
 		}
 	}
 	for (int h = 0; h < 4; h++) {
 		const double mm = rms(with[h].mm2, with[h].n), deg = rms(with[h].deg2, with[h].n);
 		const double mm0 = rms(without[h].mm2, with[h].n), deg0 = rms(without[h].deg2, with[h].n);
-		printf("[ note ] +%.0f ms: %.2f mm %.2f deg predicted (sigma %.2f mm), %.2f mm %.2f deg not\n", horizon_ms[h], mm,
-		       deg, rms(with[h].sigma_mm2, with[h].n), mm0, deg0);
+		printf("[ note ] +%.0f ms: %.2f mm %.2f deg predicted (sigma %.2f mm), %.2f mm %.2f deg not\n",
+		       horizon_ms[h], mm, deg, rms(with[h].sigma_mm2, with[h].n), mm0, deg0);
 		assert_true(horizon_ms[h] < 25 || (mm < 0.5 * mm0 && deg < 0.5 * deg0));
 		assert_true((double)with[h].inside_mm > 0.9 * (double)with[h].n);
 	}

@@ -1,6 +1,7 @@
 /*
- * tests/track_scene.h: a room of 2.4 m with cameras on its top edges, glasses, a wand and a walker, made for the tracker's
- * tests only. Its projector is written apart from sync/track/lens.c, so that one mistake cannot cancel itself. Metres.
+ * tests/track_scene.h: a room of 2.4 m with cameras on its top edges, glasses, a wand and a walker, made for the
+ * tracker's tests only. Its projector is written apart from sync/track/lens.c, so that one mistake cannot cancel
+ * itself. Metres.
  */
 #ifndef BB_TESTS_TRACK_SCENE_H
 #define BB_TESTS_TRACK_SCENE_H
@@ -58,19 +59,19 @@ struct scene {
 	size_t n_cameras;
 	struct bb_body bodies[2];
 	size_t n_bodies;
-	struct bb_pose pose[2];       /* truth of the moment */
+	struct bb_pose pose[2]; /* truth of the moment */
 	double noise_px;
-	bool occlude;                 /* by the wearer's head and torso */
-	unsigned hidden_markers[2];   /* bit per marker: covered for every camera */
-	unsigned dark_cameras;        /* bit per camera */
-	bool patchy;                  /* every camera misses a quarter of the markers, each its own */
-	double merge_px;              /* images nearer than this are one blob half way between */
-	size_t strays;                /* per frame */
+	bool occlude;               /* by the wearer's head and torso */
+	unsigned hidden_markers[2]; /* bit per marker: covered for every camera */
+	unsigned dark_cameras;      /* bit per camera */
+	bool patchy;                /* every camera misses a quarter of the markers, each its own */
+	double merge_px;            /* images nearer than this are one blob half way between */
+	size_t strays;              /* per frame */
 	struct scene_rng rng;
 };
 
-static inline struct bb_camera_config scene_camera(struct bb_vec3 at, struct bb_vec3 target, int64_t width, int64_t height,
-                                                   double fov_deg, double k1, double k2)
+static inline struct bb_camera_config scene_camera(struct bb_vec3 at, struct bb_vec3 target, int64_t width,
+						   int64_t height, double fov_deg, double k1, double k2)
 {
 	struct bb_camera_config c = { .width_px = width, .height_px = height, .fov_deg = fov_deg, .k1 = k1, .k2 = k2 };
 	/* look_at gives -Z forward, +Y up; a camera has +Z forward, +Y down: half a turn about x. */
@@ -85,29 +86,37 @@ static inline struct bb_camera_config scene_camera(struct bb_vec3 at, struct bb_
 }
 
 static const struct bb_body scene_glasses = {
-	.id = "glasses", .n_markers = 5, .eye_centre = { 0.0705, 0.0, 0.01 },
-	.marker = { { 0, 0, 0 }, { 0.141, 0.004, -0.008 }, { 0.070, 0.032, 0.005 }, { 0.018, 0.025, -0.030 },
-	            { 0.120, 0.027, -0.034 } },
+	.id = "glasses",
+	.n_markers = 5,
+	.eye_centre = { 0.0705, 0.0, 0.01 },
+	.marker = { { 0, 0, 0 },
+		    { 0.141, 0.004, -0.008 },
+		    { 0.070, 0.032, 0.005 },
+		    { 0.018, 0.025, -0.030 },
+		    { 0.120, 0.027, -0.034 } },
 };
 static const struct bb_body scene_wand = {
-	.id = "wand", .n_markers = 4,
+	.id = "wand",
+	.n_markers = 4,
 	.marker = { { 0, 0, 0 }, { 0.055, 0.010, 0.012 }, { -0.030, 0.048, 0.020 }, { 0.012, -0.020, 0.095 } },
 };
 
 /* n cameras around the top edges of the room: corners first, then along the edges. */
 static inline void scene_room(struct scene *s, size_t n, double noise_px)
 {
-	static const double spot[24][2] = { { -1, -1 }, { 1, -1 }, { 1, 1 }, { -1, 1 }, { 0, -1 }, { 1, 0 }, { 0, 1 }, { -1, 0 },
-		                            { -.5, -1 }, { .5, -1 }, { 1, -.5 }, { 1, .5 }, { .5, 1 }, { -.5, 1 }, { -1, .5 },
-		                            { -1, -.5 }, { -.25, -1 }, { .25, -1 }, { 1, -.25 }, { 1, .25 }, { .25, 1 },
-		                            { -.25, 1 }, { -1, .25 }, { -1, -.25 } };
+	static const double spot[24][2] = { { -1, -1 },  { 1, -1 },    { 1, 1 },    { -1, 1 },   { 0, -1 },
+					    { 1, 0 },    { 0, 1 },     { -1, 0 },   { -.5, -1 }, { .5, -1 },
+					    { 1, -.5 },  { 1, .5 },    { .5, 1 },   { -.5, 1 },  { -1, .5 },
+					    { -1, -.5 }, { -.25, -1 }, { .25, -1 }, { 1, -.25 }, { 1, .25 },
+					    { .25, 1 },  { -.25, 1 },  { -1, .25 }, { -1, -.25 } };
 
 	memset(s, 0, sizeof(*s));
 	s->n_cameras = n;
 	for (size_t i = 0; i < n; i++) {
 		const double fov = 75 + 15.0 * (double)(i % 4) / 3;
 		s->cameras[i] = scene_camera((struct bb_vec3){ 1.15 * spot[i][0], 2.35, 1.15 * spot[i][1] },
-		                             (struct bb_vec3){ 0.1 * spot[i][1], 1.45, 0.1 * spot[i][0] }, 640, 480, fov, -0.12, 0.015);
+					     (struct bb_vec3){ 0.1 * spot[i][1], 1.45, 0.1 * spot[i][0] }, 640, 480,
+					     fov, -0.12, 0.015);
 		snprintf(s->cameras[i].id, sizeof(s->cameras[i].id), "c%zu", i);
 	}
 	s->bodies[0] = scene_glasses;
@@ -120,10 +129,16 @@ static inline void scene_room(struct scene *s, size_t n, double noise_px)
 
 static inline struct bb_tracker_config scene_config(const struct scene *s)
 {
-	return (struct bb_tracker_config){ .cameras = s->cameras, .n_cameras = s->n_cameras, .bodies = s->bodies,
-		                           .n_bodies = s->n_bodies, .blob_sigma_px = s->noise_px > 0 ? s->noise_px : 0.002,
-		                           .group_ns = 1000000, .freeze_ns = 100000000, .room_min = { -1.2, 0, -1.2 },
-		                           .room_max = { 1.2, 2.4, 1.2 }, .neutral = { { 0, 1.6, 0 }, BB_QUAT_IDENTITY } };
+	return (struct bb_tracker_config){ .cameras = s->cameras,
+					   .n_cameras = s->n_cameras,
+					   .bodies = s->bodies,
+					   .n_bodies = s->n_bodies,
+					   .blob_sigma_px = s->noise_px > 0 ? s->noise_px : 0.002,
+					   .group_ns = 1000000,
+					   .freeze_ns = 100000000,
+					   .room_min = { -1.2, 0, -1.2 },
+					   .room_max = { 1.2, 2.4, 1.2 },
+					   .neutral = { { 0, 1.6, 0 }, BB_QUAT_IDENTITY } };
 }
 
 static inline struct bb_vec3 scene_centroid(const struct bb_body *b, const struct bb_pose *pose)
@@ -178,7 +193,8 @@ static inline size_t scene_merge(const struct scene *s, struct bb_blob *blobs, s
 {
 	for (size_t i = 0; i < n; i++)
 		for (size_t k = i + 1; k < n; k++) {
-			if (hypot((double)(blobs[i].x_px - blobs[k].x_px), (double)(blobs[i].y_px - blobs[k].y_px)) >= s->merge_px)
+			if (hypot((double)(blobs[i].x_px - blobs[k].x_px), (double)(blobs[i].y_px - blobs[k].y_px)) >=
+			    s->merge_px)
 				continue;
 			blobs[i].x_px = (blobs[i].x_px + blobs[k].x_px) / 2;
 			blobs[i].y_px = (blobs[i].y_px + blobs[k].y_px) / 2;
@@ -205,12 +221,12 @@ static inline size_t scene_frame(struct scene *s, size_t camera, struct bb_blob 
 				continue;
 			visible[b] |= 1u << m;
 			blobs[n++] = (struct bb_blob){ (float)(px[0] + s->noise_px * scene_normal(&s->rng)),
-				                       (float)(px[1] + s->noise_px * scene_normal(&s->rng)), 6 };
+						       (float)(px[1] + s->noise_px * scene_normal(&s->rng)), 6 };
 		}
 	n = scene_merge(s, blobs, n);
 	for (size_t i = 0; i < s->strays && n < BB_CAMERA_BLOBS_MAX; i++)
 		blobs[n++] = (struct bb_blob){ (float)scene_uniform(&s->rng, 0, (double)c->width_px),
-			                       (float)scene_uniform(&s->rng, 0, (double)c->height_px), 6 };
+					       (float)scene_uniform(&s->rng, 0, (double)c->height_px), 6 };
 	for (size_t i = n; i > 1; i--) {
 		const size_t k = scene_u64(&s->rng) % i;
 		const struct bb_blob keep = blobs[i - 1];
@@ -235,16 +251,19 @@ static inline size_t scene_expose(struct scene *s, struct bb_tracker *tr, int64_
 	return seeing;
 }
 
-/* A walk: slow loops through the room, turns of the head, a crouch, and sway of 1 to 3 Hz. rms 0.45 m/s and 45 deg/s. */
+/* A walk: slow loops through the room, turns of the head, a crouch, and sway of 1 to 3 Hz. rms 0.45 m/s and 45 deg/s.
+ */
 static inline struct bb_pose scene_walk(double t)
 {
 	const double w = 2 * PI, g = 0.90, h = 0.91;
 	const double x = 0.55 * sin(w * 0.13 * t) + 0.014 * sin(w * 1.1 * t + 1), z = 0.45 * sin(w * 0.17 * t + 0.5);
 	const double y = 1.55 - 0.35 * pow(sin(w * 0.045 * t), 8) + 0.013 * sin(w * 1.9 * t) + 0.002 * sin(w * 3 * t);
 	const double yaw = 70 * sin(w * 0.11 * t) + 4 * sin(w * 1.3 * t + 2) + 10 * sin(w * 0.43 * t);
-	const double pitch = 9 * sin(w * 0.3 * t) + 1.2 * sin(w * 1.9 * t), roll = 4 * sin(w * 0.23 * t) + 0.8 * sin(w * 3 * t);
+	const double pitch = 9 * sin(w * 0.3 * t) + 1.2 * sin(w * 1.9 * t),
+		     roll = 4 * sin(w * 0.23 * t) + 0.8 * sin(w * 3 * t);
 
-	return (struct bb_pose){ { g * x, y, g * z + 0.01 * sin(w * 1.4 * t) }, bb_quat_euler_deg(h * yaw, h * pitch, h * roll) };
+	return (struct bb_pose){ { g * x, y, g * z + 0.01 * sin(w * 1.4 * t) },
+				 bb_quat_euler_deg(h * yaw, h * pitch, h * roll) };
 }
 
 static inline struct bb_pose scene_wave(double t) /* the wand, in front of the walker */
@@ -253,7 +272,8 @@ static inline struct bb_pose scene_wave(double t) /* the wand, in front of the w
 	const struct bb_vec3 hand = { 0.25 + 0.1 * sin(2 * PI * 0.7 * t), -0.3 + 0.1 * sin(2 * PI * 0.9 * t), -0.35 };
 
 	return (struct bb_pose){ bb_pose_apply(&head, hand),
-		                 bb_quat_mul(head.q, bb_quat_euler_deg(40 * sin(2 * PI * 0.5 * t), 30 * sin(2 * PI * 0.8 * t), 20)) };
+				 bb_quat_mul(head.q, bb_quat_euler_deg(40 * sin(2 * PI * 0.5 * t),
+								       30 * sin(2 * PI * 0.8 * t), 20)) };
 }
 
 static inline double scene_cpu_us(void)

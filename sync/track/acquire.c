@@ -6,10 +6,10 @@
 
 #include "sync/track/track.h"
 
-#define PRIOR_AGE_S 1.0       /* an older pose does not decide between twins */
+#define PRIOR_AGE_S 1.0 /* an older pose does not decide between twins */
 #define COLD_GATE_PX 8.0
-#define STRANGE 0.2           /* one marker in five that stands beside its place in every camera */
-#define AMBIGUOUS 20.0        /* a rival must be worse by this much squared sigma */
+#define STRANGE 0.2    /* one marker in five that stands beside its place in every camera */
+#define AMBIGUOUS 20.0 /* a rival must be worse by this much squared sigma */
 
 /* Polishes the hypotheses; best and best different rival stay in tr->best and tr->rival. */
 static void judge(struct bb_tracker *tr, const struct bb_track_set *set, size_t body)
@@ -93,7 +93,7 @@ static bool enough_blobs(const struct bb_tracker *tr, const struct bb_track_set 
 }
 
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                      struct bb_track_candidate *out)
+		      struct bb_track_candidate *out)
 {
 	struct bb_filter_state s;
 	const bool known = bb_track_prior(&tr->bodies[body], set->at_ns, PRIOR_AGE_S, &s);
@@ -109,7 +109,8 @@ void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, siz
 	if (!tr->best.ok || !settle(tr, set, body))
 		return;
 	/* Some markers fit and others stand where none should be: a mirror image or a stranger. */
-	if (tr->best.n_markers < tr->bodies[body].body->n_markers && bb_track_doubtful(tr, set, body, &tr->best, STRANGE))
+	if (tr->best.n_markers < tr->bodies[body].body->n_markers &&
+	    bb_track_doubtful(tr, set, body, &tr->best, STRANGE))
 		return;
 	bb_track_swap(out, &tr->best);
 }

@@ -7,9 +7,9 @@
 
 #include "sync/track/track.h"
 
-#define NEAREST 3         /* blobs remembered per marker: nearer ones may belong to another marker */
+#define NEAREST 3 /* blobs remembered per marker: nearer ones may belong to another marker */
 #define GATE_SIGMAS 4.0
-#define BORDER_PX 1.0     /* nearer to the edge of the sensor a blob is cut off */
+#define BORDER_PX 1.0 /* nearer to the edge of the sensor a blob is cut off */
 
 struct pick {
 	double d2;
@@ -25,7 +25,7 @@ static bool on_sensor(const struct bb_lens *lens, const double px[2])
 
 /* The few nearest free blobs within the gate, appended sorted by distance to picks. */
 static size_t nearest_blobs(const struct bb_track_view *view, size_t body, const double px[2], double gate_px,
-                            uint8_t marker, struct pick *picks)
+			    uint8_t marker, struct pick *picks)
 {
 	size_t n = 0;
 
@@ -87,8 +87,8 @@ static struct bb_vec3 moved_to(const struct bb_track_candidate *c, struct bb_vec
 }
 
 static void associate_camera(const struct bb_tracker *tr, const struct bb_track_set *set, size_t camera, size_t body,
-                             const struct bb_vec3 *markers, struct bb_vec3 pivot, const struct bb_track_gate *gate,
-                             struct bb_track_candidate *c)
+			     const struct bb_vec3 *markers, struct bb_vec3 pivot, const struct bb_track_gate *gate,
+			     struct bb_track_candidate *c)
 {
 	const struct bb_track_view *view = &set->views[camera];
 	const struct bb_lens *lens = &tr->lenses[camera];
@@ -122,13 +122,13 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 			c->merged++;
 			continue;
 		}
-		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob, chosen[i]->marker, (float)dt_s,
-			                                    (double)blob->x_px, (double)blob->y_px };
+		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob,    chosen[i]->marker,
+							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px };
 	}
 }
 
 size_t bb_track_associate(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                          const struct bb_pose *pose, const struct bb_track_gate *gate, struct bb_track_candidate *c)
+			  const struct bb_pose *pose, const struct bb_track_gate *gate, struct bb_track_candidate *c)
 {
 	const struct bb_track_body *b = &tr->bodies[body];
 	const struct bb_vec3 pivot = bb_pose_apply(pose, b->centroid);
@@ -163,7 +163,7 @@ static bool enough(struct bb_track_candidate *c)
 }
 
 static bool polish_once(const struct bb_tracker *tr, size_t body, struct bb_track_candidate *c, double huber_px,
-                        int steps)
+			int steps)
 {
 	const struct bb_track_body *b = &tr->bodies[body];
 
@@ -192,7 +192,7 @@ static bool plausible(const struct bb_tracker *tr, size_t body, const struct bb_
 }
 
 void bb_track_refine(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                     const struct bb_pose *start, const struct bb_track_gate *gate, struct bb_track_candidate *c)
+		     const struct bb_pose *start, const struct bb_track_gate *gate, struct bb_track_candidate *c)
 {
 	static const struct bb_track_gate exact = { 0, 0, 0 };
 	const double sigma_px = tr->config.blob_sigma_px;
@@ -218,7 +218,7 @@ void bb_track_refine(const struct bb_tracker *tr, const struct bb_track_set *set
 
 /* Blobs within the body's outline in one camera that belong to no other body. */
 static size_t blobs_around(const struct bb_tracker *tr, const struct bb_track_view *view, size_t camera, size_t body,
-                           struct bb_vec3 centre)
+			   struct bb_vec3 centre)
 {
 	const struct bb_lens *lens = &tr->lenses[camera];
 	double px[2];
@@ -235,7 +235,7 @@ static size_t blobs_around(const struct bb_tracker *tr, const struct bb_track_vi
 }
 
 bool bb_track_doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                       const struct bb_track_candidate *c, double share)
+		       const struct bb_track_candidate *c, double share)
 {
 	const struct bb_vec3 centre = bb_pose_apply(&c->fit.pose, tr->bodies[body].centroid);
 	size_t odd = 0, cameras = 0, next = 0;

@@ -4,8 +4,8 @@
 
 #include "sync/track/linalg.h"
 
-/* Spectral densities of the acceleration, 2 a^2 tau: a walking head with about 1 m/s^2 and 3 rad/s^2 for 0.1 s at a time.
- * Tuned on a walk at +8 to +40 ms; ten times more or less costs a third in angle and nothing in position. */
+/* Spectral densities of the acceleration, 2 a^2 tau: a walking head with about 1 m/s^2 and 3 rad/s^2 for 0.1 s at a
+ * time. Tuned on a walk at +8 to +40 ms; ten times more or less costs a third in angle and nothing in position. */
 #define ACCEL_M2_S3 0.2
 #define ACCEL_RAD2_S3 2.0
 #define START_SPEED_M_S 1.0
@@ -25,7 +25,7 @@ static struct bb_filter_axis carry(struct bb_filter_axis a, double dt, double de
 	const double t = fabs(dt); /* backwards is as uncertain as forwards */
 
 	return (struct bb_filter_axis){ a.pp + 2 * dt * a.pv + dt * dt * a.vv + density * t * t * t / 3,
-		                        a.pv + dt * a.vv + density * dt * t / 2, a.vv + density * t };
+					a.pv + dt * a.vv + density * dt * t / 2, a.vv + density * t };
 }
 
 static double sigma_after(const struct bb_filter_axis axis[3], double dt, double density)
@@ -51,7 +51,7 @@ struct bb_filter_state bb_filter_predict(const struct bb_filter *f, double dt_s)
 }
 
 void bb_filter_start(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, struct bb_quat q, const double var_m2[3],
-                     const double var_rad2[3])
+		     const double var_rad2[3])
 {
 	*f = (struct bb_filter){ .live = true, .at_ns = at_ns, .p = p, .q = q };
 	for (int i = 0; i < 3; i++) {
@@ -78,7 +78,7 @@ static struct bb_vec3 without(struct bb_vec3 v, struct bb_vec3 axis)
 }
 
 void bb_filter_update(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, struct bb_quat q, const double var_m2[3],
-                      const double var_rad2[3], struct bb_vec3 hold)
+		      const double var_rad2[3], struct bb_vec3 hold)
 {
 	const double dt = bb_seconds_between(at_ns, f->at_ns);
 	const struct bb_filter_state s = bb_filter_predict(f, dt);

@@ -19,7 +19,7 @@ struct bb_filter {
 	int64_t at_ns;
 	struct bb_vec3 p, v; /* m, m/s */
 	struct bb_quat q;
-	struct bb_vec3 w;    /* rad/s */
+	struct bb_vec3 w; /* rad/s */
 	struct bb_filter_axis position[3], angle[3];
 };
 
@@ -34,10 +34,10 @@ struct bb_filter_state { /* at another time */
 struct bb_filter_state bb_filter_predict(const struct bb_filter *f, double dt_s);
 /* Start from rest with a walker's uncertainty of speed. */
 void bb_filter_start(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, struct bb_quat q, const double var_m2[3],
-                     const double var_rad2[3]);
+		     const double var_rad2[3]);
 /* at_ns after f->at_ns. hold: a direction about which the measurement says nothing (zero vector: none). */
 void bb_filter_update(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, struct bb_quat q, const double var_m2[3],
-                      const double var_rad2[3], struct bb_vec3 hold);
+		      const double var_rad2[3], struct bb_vec3 hold);
 
 /* a - b without overflow, in seconds. */
 double bb_seconds_between(int64_t a_ns, int64_t b_ns);

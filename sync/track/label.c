@@ -10,8 +10,8 @@
 
 #define TOLERANCE_SIGMAS 5.0
 #define TOLERANCE_LEAST_M 2e-6
-#define FITS_MAX 600       /* triples turned into poses per call */
-#define LABEL_POINTS 40    /* strongest points looked at */
+#define FITS_MAX 600    /* triples turned into poses per call */
+#define LABEL_POINTS 40 /* strongest points looked at */
 
 bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, const struct bb_pose *y)
 {
@@ -21,7 +21,7 @@ bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, 
 }
 
 void bb_track_hypothesis(struct bb_track_cold *cold, const struct bb_track_body *b, const struct bb_pose *pose,
-                         double rank)
+			 double rank)
 {
 	size_t at = cold->n_poses;
 
@@ -48,7 +48,7 @@ void bb_track_hypothesis(struct bb_track_cold *cold, const struct bb_track_body 
 }
 
 static bool distance_fits(const struct bb_track_point *p, const struct bb_track_point *q, struct bb_vec3 a,
-                          struct bb_vec3 b)
+			  struct bb_vec3 b)
 {
 	const double want = bb_vec3_norm(bb_vec3_sub(a, b)), have = bb_vec3_norm(bb_vec3_sub(p->p, q->p));
 	const double s = sqrt(p->sigma_m * p->sigma_m + q->sigma_m * q->sigma_m);
@@ -58,7 +58,7 @@ static bool distance_fits(const struct bb_track_point *p, const struct bb_track_
 
 /* Markers that lie on points under a pose; cameras count, so that a ghost of two rays does not weigh like a marker. */
 static double rank_pose(const struct bb_track_cold *cold, const struct bb_body *body, const struct bb_pose *pose,
-                        size_t n_points)
+			size_t n_points)
 {
 	double rank = 0;
 
@@ -78,8 +78,8 @@ static double rank_pose(const struct bb_track_cold *cold, const struct bb_body *
 }
 
 /* One labelled triple. Returns 1 when a pose was computed. */
-static size_t try_triple(struct bb_track_cold *cold, const struct bb_track_body *b, const size_t p[3], const size_t m[3],
-                         size_t n_points, struct bb_quat hold)
+static size_t try_triple(struct bb_track_cold *cold, const struct bb_track_body *b, const size_t p[3],
+			 const size_t m[3], size_t n_points, struct bb_quat hold)
 {
 	struct bb_vec3 body[3], room[3];
 	struct bb_rigid fit;
@@ -97,8 +97,8 @@ static size_t try_triple(struct bb_track_cold *cold, const struct bb_track_body 
 }
 
 /* The third marker of every triple that starts with points p[0], p[1] as markers m[0], m[1]. */
-static size_t third(struct bb_track_cold *cold, const struct bb_track_body *b, size_t p[3], size_t m[3], size_t n_points,
-                    struct bb_quat hold)
+static size_t third(struct bb_track_cold *cold, const struct bb_track_body *b, size_t p[3], size_t m[3],
+		    size_t n_points, struct bb_quat hold)
 {
 	const struct bb_vec3 *marker = b->body->marker;
 	const struct bb_track_point *points = cold->points;
@@ -128,8 +128,7 @@ void bb_track_label(struct bb_tracker *tr, size_t body)
 		for (p[1] = p[0] + 1; p[1] + 1 < n; p[1]++)
 			for (m[0] = 0; m[0] < b->body->n_markers; m[0]++)
 				for (m[1] = 0; m[1] < b->body->n_markers && fits < FITS_MAX; m[1]++)
-					if (m[0] != m[1] &&
-					    distance_fits(&cold->points[p[0]], &cold->points[p[1]], b->body->marker[m[0]],
-					                  b->body->marker[m[1]]))
+					if (m[0] != m[1] && distance_fits(&cold->points[p[0]], &cold->points[p[1]],
+									  b->body->marker[m[0]], b->body->marker[m[1]]))
 						fits += third(cold, b, p, m, n, hold);
 }

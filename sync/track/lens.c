@@ -2,8 +2,8 @@
 
 #include <math.h>
 
-#define NEAR_M 0.02      /* nothing is tracked nearer than this to a lens */
-#define RADIUS_CAP 20.0  /* 87 degrees off the axis */
+#define NEAR_M 0.02     /* nothing is tracked nearer than this to a lens */
+#define RADIUS_CAP 20.0 /* 87 degrees off the axis */
 
 static double distort(const struct bb_lens *lens, double r)
 {
@@ -37,7 +37,7 @@ static double growing_radius(double k1, double k2)
 static bool config_is_finite(const struct bb_camera_config *c)
 {
 	const double v[] = { c->pose.p.x, c->pose.p.y, c->pose.p.z, c->pose.q.x, c->pose.q.y, c->pose.q.z, c->pose.q.w,
-		             c->fx_px, c->fy_px, c->cx_px, c->cy_px, c->k1, c->k2 };
+			     c->fx_px,    c->fy_px,    c->cx_px,    c->cy_px,    c->k1,       c->k2 };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(v); i++)
 		if (!isfinite(v[i]) || fabs(v[i]) > 1e9)
@@ -78,8 +78,8 @@ static struct bb_vec3 to_camera(const struct bb_lens *lens, struct bb_vec3 room)
 	const struct bb_vec3 d = bb_vec3_sub(room, lens->o);
 
 	return (struct bb_vec3){ lens->r[0][0] * d.x + lens->r[0][1] * d.y + lens->r[0][2] * d.z,
-		                 lens->r[1][0] * d.x + lens->r[1][1] * d.y + lens->r[1][2] * d.z,
-		                 lens->r[2][0] * d.x + lens->r[2][1] * d.y + lens->r[2][2] * d.z };
+				 lens->r[1][0] * d.x + lens->r[1][1] * d.y + lens->r[1][2] * d.z,
+				 lens->r[2][0] * d.x + lens->r[2][1] * d.y + lens->r[2][2] * d.z };
 }
 
 double bb_lens_depth(const struct bb_lens *lens, struct bb_vec3 room)
@@ -157,8 +157,8 @@ bool bb_lens_ray(const struct bb_lens *lens, double x_px, double y_px, struct bb
 	const double f = rd > 1e-12 ? r / rd : 1;
 	const double x = xd * f, y = yd * f, n = sqrt(1 + r * r);
 	ray->d = (struct bb_vec3){ (lens->r[0][0] * x + lens->r[1][0] * y + lens->r[2][0]) / n,
-		                   (lens->r[0][1] * x + lens->r[1][1] * y + lens->r[2][1]) / n,
-		                   (lens->r[0][2] * x + lens->r[1][2] * y + lens->r[2][2]) / n };
+				   (lens->r[0][1] * x + lens->r[1][1] * y + lens->r[2][1]) / n,
+				   (lens->r[0][2] * x + lens->r[1][2] * y + lens->r[2][2]) / n };
 	const double radial = 1 / ((1 + r * r) * distort_slope(lens, r)), tangential = f / n;
 	ray->sigma_rad = fmax(radial, tangential) / fmin(lens->fx_px, lens->fy_px);
 	return true;

@@ -10,7 +10,7 @@
 #include "hal/camera.h"
 
 struct bb_lens {
-	double r[3][3];    /* rows are the camera's axes: p_camera = r (p_room - o) */
+	double r[3][3]; /* rows are the camera's axes: p_camera = r (p_room - o) */
 	struct bb_vec3 o;
 	double fx_px, fy_px, cx_px, cy_px, width_px, height_px;
 	double k1, k2;
@@ -18,8 +18,8 @@ struct bb_lens {
 };
 
 struct bb_ray {
-	struct bb_vec3 d;  /* unit, room; starts at the lens's o */
-	double sigma_rad;  /* of its direction for 1 px of blob noise, the worse of radial and tangential */
+	struct bb_vec3 d; /* unit, room; starts at the lens's o */
+	double sigma_rad; /* of its direction for 1 px of blob noise, the worse of radial and tangential */
 };
 
 /* false when the configuration is not finite or makes no camera. */

@@ -9,8 +9,8 @@
 #include "sync/track/triangulate.h"
 
 #define PAIR_TESTS_MAX 200000
-#define SURVIVORS_MAX 6000  /* pairs that met and were shown to the other cameras */
-#define LOOK_PX_MAX 12.0    /* widest search in a confirming camera */
+#define SURVIVORS_MAX 6000 /* pairs that met and were shown to the other cameras */
+#define LOOK_PX_MAX 12.0   /* widest search in a confirming camera */
 
 /* The frame's blobs that nobody owns; of too many the nearest to where the body should be, or else the largest. */
 static double preference(const struct bb_blob *blob, const double *near_px)
@@ -22,7 +22,7 @@ static double preference(const struct bb_blob *blob, const double *near_px)
 }
 
 static void choose_blobs(struct bb_tracker *tr, const struct bb_track_set *set, size_t camera, size_t most,
-                         const struct bb_vec3 *near)
+			 const struct bb_vec3 *near)
 {
 	const struct bb_track_view *view = &set->views[camera];
 	struct bb_track_cold *cold = &tr->cold;
@@ -73,7 +73,7 @@ static struct bb_sight sight(const struct bb_tracker *tr, size_t camera, size_t 
 
 /* The cold blob of a camera nearest to a pixel, -1 when none is within the gate. */
 static int look(const struct bb_tracker *tr, const struct bb_track_set *set, size_t camera, struct bb_vec3 p,
-                double sigma_m)
+		double sigma_m)
 {
 	const struct bb_lens *lens = &tr->lenses[camera];
 	double px[2];
@@ -114,7 +114,8 @@ static bool confirm(const struct bb_tracker *tr, int16_t *blob, struct bb_track_
 			return false;
 		for (size_t k = 0; k < n; k++) {
 			const struct bb_vec3 v = bb_vec3_sub(t.p, sights[k].o), off = bb_vec3_cross(v, sights[k].d);
-			const double r2 = bb_vec3_dot(off, off) / (bb_vec3_dot(v, v) * sights[k].sigma_rad * sights[k].sigma_rad);
+			const double r2 =
+				bb_vec3_dot(off, off) / (bb_vec3_dot(v, v) * sights[k].sigma_rad * sights[k].sigma_rad);
 			if (r2 > most) {
 				most = r2;
 				worst = k;

@@ -22,10 +22,12 @@ static double det3(const double m[9])
 
 static void pencil(const struct sides *s, double d1[9], double d2[9])
 {
-	const double one[9] = { s->a23, -s->a23 * s->b12, 0, -s->a23 * s->b12, s->a23 - s->a12, s->a12 * s->b23,
-		                0, s->a12 * s->b23, -s->a12 };
-	const double two[9] = { s->a23, 0, -s->a23 * s->b13, 0, -s->a13, s->a13 * s->b23,
-		                -s->a23 * s->b13, s->a13 * s->b23, s->a23 - s->a13 };
+	const double one[9] = { s->a23, -s->a23 * s->b12, 0,      -s->a23 * s->b12, s->a23 - s->a12, s->a12 * s->b23,
+				0,      s->a12 * s->b23,  -s->a12 };
+	const double two[9] = {
+		s->a23,         0, -s->a23 * s->b13, 0, -s->a13, s->a13 * s->b23, -s->a23 * s->b13, s->a13 * s->b23,
+		s->a23 - s->a13
+	};
 
 	for (int i = 0; i < 9; i++) {
 		d1[i] = one[i];
@@ -86,8 +88,8 @@ static bool refine(const struct sides *s, double l[3])
 {
 	for (int i = 0; i < 4; i++) {
 		const double f[3] = { l[0] * l[0] + l[1] * l[1] - 2 * s->b12 * l[0] * l[1] - s->a12,
-			              l[0] * l[0] + l[2] * l[2] - 2 * s->b13 * l[0] * l[2] - s->a13,
-			              l[1] * l[1] + l[2] * l[2] - 2 * s->b23 * l[1] * l[2] - s->a23 };
+				      l[0] * l[0] + l[2] * l[2] - 2 * s->b13 * l[0] * l[2] - s->a13,
+				      l[1] * l[1] + l[2] * l[2] - 2 * s->b23 * l[1] * l[2] - s->a23 };
 		const double p = 2 * (l[0] - s->b12 * l[1]), q = 2 * (l[1] - s->b12 * l[0]);
 		const double r = 2 * (l[0] - s->b13 * l[2]), t = 2 * (l[2] - s->b13 * l[0]);
 		const double u = 2 * (l[1] - s->b23 * l[2]), v = 2 * (l[2] - s->b23 * l[1]);
@@ -133,7 +135,8 @@ static size_t cut_plane(const struct sides *s, const double plane[3], double dep
 	const double a[3][3] = { { 0, s->a12, s->a13 }, { s->a12, 0, s->a23 }, { s->a13, s->a23, 0 } };
 	/* with l_j = 1, l_k = r: |ij|^2 a_jk = |jk|^2 a_ij, a quadratic in r */
 	const double ij2 = w * w, ij1 = 2 * u * w - 2 * b[i][j] * w, ij0 = u * u + 1 - 2 * b[i][j] * u;
-	const double q2 = ij2 * a[j][k] - a[i][j], q1 = ij1 * a[j][k] + 2 * b[j][k] * a[i][j], q0 = ij0 * a[j][k] - a[i][j];
+	const double q2 = ij2 * a[j][k] - a[i][j], q1 = ij1 * a[j][k] + 2 * b[j][k] * a[i][j],
+		     q0 = ij0 * a[j][k] - a[i][j];
 	double disc = q1 * q1 - 4 * q2 * q0;
 	if (disc < 0 && disc > -1e-9 * q1 * q1)
 		disc = 0; /* a double root that rounding pushed apart */
@@ -156,9 +159,10 @@ static size_t cut_plane(const struct sides *s, const double plane[3], double dep
 
 size_t bb_p3p_depths(const struct bb_vec3 y[3], const struct bb_vec3 x[3], double depth[4][3])
 {
-	const struct bb_vec3 x12 = bb_vec3_sub(x[0], x[1]), x13 = bb_vec3_sub(x[0], x[2]), x23 = bb_vec3_sub(x[1], x[2]);
+	const struct bb_vec3 x12 = bb_vec3_sub(x[0], x[1]), x13 = bb_vec3_sub(x[0], x[2]),
+			     x23 = bb_vec3_sub(x[1], x[2]);
 	const struct sides s = { bb_vec3_dot(y[0], y[1]), bb_vec3_dot(y[0], y[2]), bb_vec3_dot(y[1], y[2]),
-		                 bb_vec3_dot(x12, x12), bb_vec3_dot(x13, x13), bb_vec3_dot(x23, x23) };
+				 bb_vec3_dot(x12, x12),   bb_vec3_dot(x13, x13),   bb_vec3_dot(x23, x23) };
 	double d1[9], d2[9], c[4], g, values[3], v[9];
 	size_t n = 0;
 

@@ -10,11 +10,11 @@
 
 #define SOLVES_MAX 2000
 #define TRIPLES_LEAST 4
-#define BLOBS_MAX 10       /* more blobs than this are a flood, not a body */
+#define BLOBS_MAX 10 /* more blobs than this are a flood, not a body */
 #define OWN_PX 0.5
 #define OTHERS_PX 3.0
-#define OTHERS 4           /* other cameras asked */
-#define NEAR_SIGMAS 20.0   /* a pose from three pixels carries their noise to the others, magnified */
+#define OTHERS 4         /* other cameras asked */
+#define NEAR_SIGMAS 20.0 /* a pose from three pixels carries their noise to the others, magnified */
 
 struct scene { /* what stays the same over all labellings */
 	const struct bb_tracker *tr;
@@ -91,7 +91,8 @@ static void try_labels(struct scene *s, struct bb_track_cold *cold, const size_t
 			room[j] = bb_vec3_add(s->lens->o, bb_vec3_scale(y[j], depth[i][j]));
 		if (!bb_rigid_fit(x, room, 3, 1e-6, BB_QUAT_IDENTITY, &fit))
 			continue;
-		const double own = explained(s, s->camera, &fit.pose, NEAR_SIGMAS * s->tr->config.blob_sigma_px + OWN_PX);
+		const double own =
+			explained(s, s->camera, &fit.pose, NEAR_SIGMAS * s->tr->config.blob_sigma_px + OWN_PX);
 		if (own < 2.5)
 			continue;
 		const double rank = own + seconded(s, &fit.pose);
@@ -115,8 +116,12 @@ static void all_labels(struct scene *s, struct bb_track_cold *cold, const size_t
 
 void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set, size_t body, size_t camera)
 {
-	struct scene s = { .tr = tr, .set = set, .b = &tr->bodies[body], .lens = &tr->lenses[camera], .camera = camera,
-		           .n = tr->cold.n[camera] };
+	struct scene s = { .tr = tr,
+			   .set = set,
+			   .b = &tr->bodies[body],
+			   .lens = &tr->lenses[camera],
+			   .camera = camera,
+			   .n = tr->cold.n[camera] };
 	size_t k[3];
 
 	tr->cold.n_poses = 0;
@@ -126,8 +131,8 @@ void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set,
 	for (k[0] = 0; k[0] + 2 < s.n; k[0]++)
 		for (k[1] = k[0] + 1; k[1] + 1 < s.n; k[1]++)
 			for (k[2] = k[1] + 1; k[2] < s.n; k[2]++) {
-				/* A triple under all labels shows every twin as well, unless noise makes it miss one; more than
-				 * a few triples only help against strays. */
+				/* A triple under all labels shows every twin as well, unless noise makes it miss one;
+				 * more than a few triples only help against strays. */
 				if ((s.best > all - 0.5 && s.triples >= TRIPLES_LEAST) || s.solves > SOLVES_MAX)
 					return;
 				all_labels(&s, &tr->cold, k);

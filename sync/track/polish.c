@@ -6,8 +6,8 @@
 #include "sync/track/linalg.h"
 #include "sync/track/rigid.h"
 
-#define DONE 1e-6        /* a step of a thousandth of a sigma changes nothing */
-#define LINE_RATIO 0.05  /* least over middle rotational information: below, the markers lie on a line */
+#define DONE 1e-6       /* a step of a thousandth of a sigma changes nothing */
+#define LINE_RATIO 0.05 /* least over middle rotational information: below, the markers lie on a line */
 
 struct normal { /* weighted normal equations at one pose, in units of sigma */
 	double n[6][6], g[6], cost, chi2;
@@ -31,9 +31,10 @@ static void spread(const struct bb_polish *p, const struct bb_pose *pose, struct
 }
 
 static bool add_obs(const struct bb_polish *p, const struct bb_track_obs *o, struct bb_vec3 pivot, struct bb_vec3 arm,
-                    struct normal *eq)
+		    struct normal *eq)
 {
-	const struct bb_vec3 moved = bb_vec3_scale(bb_vec3_add(p->velocity, bb_vec3_cross(p->spin, arm)), (double)o->dt_s);
+	const struct bb_vec3 moved =
+		bb_vec3_scale(bb_vec3_add(p->velocity, bb_vec3_cross(p->spin, arm)), (double)o->dt_s);
 	double px[2], jac[2][3];
 
 	if (!bb_lens_derive(&p->lenses[o->camera], bb_vec3_add(bb_vec3_add(pivot, arm), moved), px, jac))
@@ -114,7 +115,8 @@ static bool hold_roll(struct bb_polish *p, struct normal *eq)
 
 static struct bb_pose step_from(const struct bb_polish *p, const double d[6])
 {
-	const struct bb_vec3 pivot = bb_vec3_add(bb_pose_apply(&p->pose, p->centroid), (struct bb_vec3){ d[3], d[4], d[5] });
+	const struct bb_vec3 pivot =
+		bb_vec3_add(bb_pose_apply(&p->pose, p->centroid), (struct bb_vec3){ d[3], d[4], d[5] });
 	struct bb_pose next;
 
 	next.q = bb_quat_unit(bb_quat_mul(bb_quat_exp((struct bb_vec3){ d[0], d[1], d[2] }), p->pose.q));

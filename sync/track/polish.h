@@ -12,28 +12,28 @@
 struct bb_track_obs { /* a blob said to be a marker */
 	uint16_t camera, blob;
 	uint8_t marker;
-	float dt_s;          /* this camera's mid-exposure minus the set's */
+	float dt_s; /* this camera's mid-exposure minus the set's */
 	double x_px, y_px;
 };
 
 struct bb_polish {
 	const struct bb_lens *lenses;
-	const struct bb_vec3 *markers;   /* body space */
-	struct bb_vec3 centroid;         /* body space: the pivot */
+	const struct bb_vec3 *markers; /* body space */
+	struct bb_vec3 centroid;       /* body space: the pivot */
 	const struct bb_track_obs *obs;
 	size_t n_obs;
 	double sigma_px;
-	double huber_px;                 /* residuals beyond count linearly; 0: plain squares */
-	struct bb_vec3 velocity, spin;   /* m/s, rad/s: moves the body to each camera's own mid-exposure */
+	double huber_px;               /* residuals beyond count linearly; 0: plain squares */
+	struct bb_vec3 velocity, spin; /* m/s, rad/s: moves the body to each camera's own mid-exposure */
 
-	struct bb_pose pose;             /* in and out */
+	struct bb_pose pose; /* in and out */
 
-	double chi2;                     /* out: squared residuals in sigmas (not the robust ones) */
-	double variance_m2[3];           /* of the centroid, room axes */
-	double variance_rad2[3];         /* of the rotation vector, room axes; without the held roll */
-	double roll_sigma_rad;           /* of the least known rotation */
+	double chi2;             /* out: squared residuals in sigmas (not the robust ones) */
+	double variance_m2[3];   /* of the centroid, room axes */
+	double variance_rad2[3]; /* of the rotation vector, room axes; without the held roll */
+	double roll_sigma_rad;   /* of the least known rotation */
 	struct bb_vec3 roll_axis;
-	bool roll_held;                  /* markers on a line: the start's roll about roll_axis was kept */
+	bool roll_held; /* markers on a line: the start's roll about roll_axis was kept */
 };
 
 /* false when an observation cannot be projected from the start, or the pixels do not fix the pose. */

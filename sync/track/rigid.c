@@ -28,8 +28,8 @@ static void horn(const double h[3][3], double n[16])
 	const double xx = h[0][0], yy = h[1][1], zz = h[2][2];
 	const double zy = h[1][2] - h[2][1], xz = h[2][0] - h[0][2], yx = h[0][1] - h[1][0];
 	const double xy = h[0][1] + h[1][0], zx = h[2][0] + h[0][2], yz = h[1][2] + h[2][1];
-	const double m[16] = { xx + yy + zz, zy, xz, yx, zy, xx - yy - zz, xy, zx,
-		               xz, xy, yy - xx - zz, yz, yx, zx, yz, zz - xx - yy };
+	const double m[16] = { xx + yy + zz, zy, xz,           yx, zy, xx - yy - zz, xy, zx,
+			       xz,           xy, yy - xx - zz, yz, yx, zx,           yz, zz - xx - yy };
 
 	for (int i = 0; i < 16; i++)
 		n[i] = m[i];
@@ -49,7 +49,7 @@ static struct bb_vec3 main_axis(const struct bb_vec3 *v, struct bb_vec3 centre, 
 
 /* Points on a line: take `hold` and turn it by the least that brings the body's line onto the room's. */
 static struct bb_quat turn_onto_line(const struct bb_vec3 *body, const struct bb_vec3 *room, size_t n,
-                                     struct bb_vec3 cb, struct bb_vec3 cr, struct bb_quat hold)
+				     struct bb_vec3 cb, struct bb_vec3 cr, struct bb_quat hold)
 {
 	const struct bb_vec3 a = main_axis(body, cb, n);
 	struct bb_vec3 b = main_axis(room, cr, n);
@@ -63,7 +63,7 @@ static struct bb_quat turn_onto_line(const struct bb_vec3 *body, const struct bb
 }
 
 bool bb_rigid_fit(const struct bb_vec3 *body, const struct bb_vec3 *room, size_t n, double sigma_m, struct bb_quat hold,
-                  struct bb_rigid *out)
+		  struct bb_rigid *out)
 {
 	double h[3][3] = { { 0 } }, horn4[16], values[4], vectors[16], sum = 0;
 
@@ -75,7 +75,8 @@ bool bb_rigid_fit(const struct bb_vec3 *body, const struct bb_vec3 *room, size_t
 	horn(h, horn4);
 	bb_sym_eigen(4, horn4, values, vectors);
 	/* Singular values of the correlation; the third carries the sign of its determinant. */
-	const double s1 = (values[0] + values[1]) / 2, s2 = (values[0] + values[2]) / 2, s3 = (values[0] + values[3]) / 2;
+	const double s1 = (values[0] + values[1]) / 2, s2 = (values[0] + values[2]) / 2,
+		     s3 = (values[0] + values[3]) / 2;
 	if (!(s1 > 1e-12) || sigma_m * sigma_m > 0.01 * s1)
 		return false;
 	out->pose.q = bb_quat_unit((struct bb_quat){ vectors[4], vectors[8], vectors[12], vectors[0] });

@@ -21,6 +21,6 @@ struct bb_rigid {
 
 /* n >= 3 pairs; sigma_m is the noise of a room point. false when fewer, or all in one place: no direction at all. */
 bool bb_rigid_fit(const struct bb_vec3 *body, const struct bb_vec3 *room, size_t n, double sigma_m, struct bb_quat hold,
-                  struct bb_rigid *out);
+		  struct bb_rigid *out);
 
 #endif

@@ -10,10 +10,10 @@
 
 #define WARM_AGE_S 0.25
 #define WARM_GATE_PX 20.0
-#define PATIENCE 16           /* failed sets before cold starts become rarer */
+#define PATIENCE 16 /* failed sets before cold starts become rarer */
 #define RARER 4
 #define DOUBTS 3
-#define CLEARLY 75.0          /* three more blobs explained */
+#define CLEARLY 75.0 /* three more blobs explained */
 #define DEG_PER_RAD 57.29577951308232
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
@@ -90,7 +90,7 @@ static double inflation(const struct bb_track_candidate *c)
 }
 
 static struct bb_track_solution solution_of(const struct bb_tracker *tr, const struct bb_track_set *set,
-                                            const struct bb_track_body *b)
+					    const struct bb_track_body *b)
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_polish *f = &c->fit;
@@ -103,13 +103,14 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 		.centroid = bb_pose_apply(&f->pose, b->centroid),
 		.position_sigma_mm = 1e3 * sqrt(more * (f->variance_m2[0] + f->variance_m2[1] + f->variance_m2[2])),
 		.angle_sigma_deg =
-			DEG_PER_RAD * sqrt(more * (f->variance_rad2[0] + f->variance_rad2[1] + f->variance_rad2[2]) + roll),
+			DEG_PER_RAD *
+			sqrt(more * (f->variance_rad2[0] + f->variance_rad2[1] + f->variance_rad2[2]) + roll),
 		.residual_px = tr->config.blob_sigma_px * sqrt(f->chi2 / (2 * (double)c->n_obs)),
 		.n_markers = c->n_markers,
 		.n_cameras = c->n_cameras,
 		.n_blobs = (uint16_t)c->n_obs,
 		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
-		         (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
+			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
 	};
 }
 
@@ -147,7 +148,7 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 
 /* What one camera gave to a solved body. obs are sorted by camera; from is where this camera's begin. */
 static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, const struct bb_track_body *b,
-                           size_t camera, size_t from)
+			   size_t camera, size_t from)
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_lens *lens = &tr->lenses[camera];
@@ -156,8 +157,8 @@ static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set
 	double px[2];
 
 	for (size_t m = 0; set->views[camera].here && m < b->body->n_markers; m++)
-		expected += bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[m]), px) && px[0] > 0 && px[1] > 0 &&
-		            px[0] < lens->width_px - 1 && px[1] < lens->height_px - 1;
+		expected += bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[m]), px) && px[0] > 0 &&
+			    px[1] > 0 && px[0] < lens->width_px - 1 && px[1] < lens->height_px - 1;
 	for (; from + used < c->n_obs && c->obs[from + used].camera == camera; used++) {
 		const struct bb_track_obs *o = &c->obs[from + used];
 		if (!bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[o->marker]), px))

@@ -2,7 +2,8 @@
  * sync/track/track.h: inside the tracker: sets of frames, candidates for a body's pose, the state kept per body.
  *
  * sync/track only. Flow of a set: tracker.c collects it, solve.c runs every body warm (associate.c from the prediction,
- * narrowing), then cold where that failed (acquire.c: match.c and label.c over several cameras, perspective.c over one).
+ * narrowing), then cold where that failed (acquire.c: match.c and label.c over several cameras, perspective.c over
+ * one).
  */
 #ifndef BB_SYNC_TRACK_TRACK_H
 #define BB_SYNC_TRACK_TRACK_H
@@ -14,23 +15,23 @@
 
 #define BB_TRACK_MARKERS_MAX 6
 #define BB_TRACK_CAMERAS_MAX 256
-#define BB_TRACK_SETS 4          /* closed sets that may wait for bb_tracker_solve */
-#define BB_TRACK_RING 64         /* solutions kept per body */
-#define BB_TRACK_COLD_BLOBS 48   /* per camera that a cold start looks at */
-#define BB_TRACK_POINTS 64       /* triangulated points a cold start keeps */
+#define BB_TRACK_SETS 4        /* closed sets that may wait for bb_tracker_solve */
+#define BB_TRACK_RING 64       /* solutions kept per body */
+#define BB_TRACK_COLD_BLOBS 48 /* per camera that a cold start looks at */
+#define BB_TRACK_POINTS 64     /* triangulated points a cold start keeps */
 #define BB_TRACK_HYPOTHESES 8
-#define BB_TRACK_GATE 5.0        /* sigmas a pixel may be off and still be the marker */
+#define BB_TRACK_GATE 5.0 /* sigmas a pixel may be off and still be the marker */
 
 struct bb_track_view { /* one camera's frame in a set */
 	bool here;
 	uint16_t n;
 	int64_t mid_ns;
-	struct bb_blob *blobs;   /* BB_CAMERA_BLOBS_MAX */
-	uint8_t *owner;          /* of each blob: 0 nobody, else body + 1 */
+	struct bb_blob *blobs; /* BB_CAMERA_BLOBS_MAX */
+	uint8_t *owner;        /* of each blob: 0 nobody, else body + 1 */
 };
 
 struct bb_track_set {
-	int64_t ref_ns, at_ns;   /* first frame's mid-exposure; mean of all */
+	int64_t ref_ns, at_ns; /* first frame's mid-exposure; mean of all */
 	size_t n_here;
 	struct bb_track_view *views;
 };
@@ -40,20 +41,20 @@ struct bb_track_candidate {
 	struct bb_track_obs *obs; /* n_cameras * BB_TRACK_MARKERS_MAX */
 	size_t n_obs;
 	struct bb_polish fit;
-	double score;             /* sum of GATE^2 - residual^2 in sigmas: more explained blobs, then nearer */
+	double score; /* sum of GATE^2 - residual^2 in sigmas: more explained blobs, then nearer */
 	uint16_t n_markers, n_cameras, n_seeing; /* seeing: at least one marker; n_cameras: at least three */
-	uint16_t merged;          /* blobs left out because they may be two markers */
+	uint16_t merged;                         /* blobs left out because they may be two markers */
 };
 
 struct bb_track_point { /* a triangulated blob */
 	struct bb_vec3 p;
 	double sigma_m;
 	uint16_t n_cameras;
-	int16_t *blob;            /* per camera: index into the camera's cold list, -1 none */
+	int16_t *blob; /* per camera: index into the camera's cold list, -1 none */
 };
 
 struct bb_track_cold { /* scratch of a cold start */
-	uint16_t *n;                          /* per camera: blobs looked at */
+	uint16_t *n;   /* per camera: blobs looked at */
 	uint16_t (*index)[BB_TRACK_COLD_BLOBS];
 	struct bb_ray (*ray)[BB_TRACK_COLD_BLOBS];
 	int16_t (*point_of)[BB_TRACK_COLD_BLOBS]; /* strongest point through this blob so far, -1 none */
@@ -66,13 +67,13 @@ struct bb_track_cold { /* scratch of a cold start */
 
 struct bb_track_body {
 	const struct bb_body *body;
-	struct bb_vec3 centroid;  /* body space */
-	double radius_m;          /* farthest marker from the centroid */
+	struct bb_vec3 centroid; /* body space */
+	double radius_m;         /* farthest marker from the centroid */
 	struct bb_filter filter;
 	struct bb_track_solution last;
-	bool fresh;               /* the newest set gave a solution */
-	unsigned failures;        /* sets in a row */
-	unsigned doubts;          /* sets in a row with more blobs around the body than the pose explains */
+	bool fresh;        /* the newest set gave a solution */
+	unsigned failures; /* sets in a row */
+	unsigned doubts;   /* sets in a row with more blobs around the body than the pose explains */
 	struct bb_track_candidate found;
 	struct bb_track_solution ring[BB_TRACK_RING];
 	uint64_t n_solutions, n_told;
@@ -86,10 +87,10 @@ struct bb_tracker {
 	size_t n_closed;
 	bool open;
 	bool any_closed;
-	int64_t last_ref_ns;             /* of the newest closed set */
-	unsigned late;                   /* frames in a row older than the open set */
+	int64_t last_ref_ns; /* of the newest closed set */
+	unsigned late;       /* frames in a row older than the open set */
 	struct bb_track_camera_stats *stats;
-	double *mean_square_px2;         /* per camera: decaying squared residual, per axis */
+	double *mean_square_px2; /* per camera: decaying squared residual, per axis */
 	struct bb_track_candidate trial, best, rival, aside;
 	struct bb_track_cold cold;
 };
@@ -101,16 +102,17 @@ struct bb_track_gate {
 
 /* Blobs for the markers of a body under a pose; blobs of other bodies are not touched. */
 size_t bb_track_associate(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                          const struct bb_pose *pose, const struct bb_track_gate *gate, struct bb_track_candidate *c);
+			  const struct bb_pose *pose, const struct bb_track_gate *gate, struct bb_track_candidate *c);
 /* From a rough pose to a polished candidate, or c->ok = false. */
 void bb_track_refine(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                     const struct bb_pose *start, const struct bb_track_gate *gate, struct bb_track_candidate *c);
-/* Blobs near the body that nobody claims: a good share of the explained ones, in several cameras, means wrong labels. */
+		     const struct bb_pose *start, const struct bb_track_gate *gate, struct bb_track_candidate *c);
+/* Blobs near the body that nobody claims: a good share of the explained ones, in several cameras, means wrong labels.
+ */
 bool bb_track_doubtful(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                       const struct bb_track_candidate *c, double share);
+		       const struct bb_track_candidate *c, double share);
 /* Cold start for one body; the answer is in out, ok = false when there is none or it is ambiguous. */
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
-                      struct bb_track_candidate *out);
+		      struct bb_track_candidate *out);
 /* Triangulated points of all blobs nobody owns, strongest first, into tr->cold. */
 void bb_track_match(struct bb_tracker *tr, const struct bb_track_set *set, const struct bb_vec3 *near);
 /* Hypotheses into tr->cold.pose, best first: from points by distances; from one camera by perspective. */
@@ -118,7 +120,7 @@ void bb_track_label(struct bb_tracker *tr, size_t body);
 void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set, size_t body, size_t camera);
 /* Adds a hypothesis unless a better one is as good as the same; keeps the best. */
 void bb_track_hypothesis(struct bb_track_cold *cold, const struct bb_track_body *b, const struct bb_pose *pose,
-                         double rank);
+			 double rank);
 bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, const struct bb_pose *y);
 /* Every body of a closed set. */
 void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set);

@@ -9,8 +9,9 @@
 
 #include "sync/track/track.h"
 
-#define FLOOD_BUCKETS 512   /* of 2 px: distance to the nearest prediction */
-#define PREDICT_BACK_S 1.0  /* nobody asks for the pose of a minute ago */
+#define FLOOD_BUCKETS 512       /* of 2 px: distance to the nearest prediction */
+#define GROUP_NS_MAX 1000000000 /* differences within a set must be summable */
+#define PREDICT_BACK_S 1.0      /* nobody asks for the pose of a minute ago */
 
 static bool finite3(struct bb_vec3 v)
 {
@@ -38,7 +39,8 @@ static bool config_is_usable(const struct bb_tracker_config *c)
 	if (!c->cameras || !c->bodies || c->n_cameras < 1 || c->n_cameras > BB_TRACK_CAMERAS_MAX || c->n_bodies < 1 ||
 	    c->n_bodies > BB_BODIES_MAX)
 		return false;
-	if (!(c->blob_sigma_px >= 1e-5 && c->blob_sigma_px < 100) || c->group_ns < 0 || c->freeze_ns < 0)
+	if (!(c->blob_sigma_px >= 1e-5 && c->blob_sigma_px < 100) || c->group_ns < 0 || c->group_ns > GROUP_NS_MAX ||
+	    c->freeze_ns < 0)
 		return false;
 	if (!finite3(c->room_min) || !finite3(c->room_max) || !(size.x > 0 && size.y > 0 && size.z > 0))
 		return false;
@@ -84,8 +86,8 @@ static bool take_cold(struct bb_track_cold *cold, size_t n_cameras)
 static bool take_memory(struct bb_tracker *tr, size_t n_cameras, size_t n_bodies)
 {
 	bool ok = take_cold(&tr->cold, n_cameras) && take_candidate(&tr->trial, n_cameras) &&
-	          take_candidate(&tr->best, n_cameras) && take_candidate(&tr->rival, n_cameras) &&
-	          take_candidate(&tr->aside, n_cameras);
+		  take_candidate(&tr->best, n_cameras) && take_candidate(&tr->rival, n_cameras) &&
+		  take_candidate(&tr->aside, n_cameras);
 
 	tr->lenses = calloc(n_cameras, sizeof(*tr->lenses));
 	tr->stats = calloc(n_cameras, sizeof(*tr->stats));
@@ -304,9 +306,10 @@ static size_t bucket_of(const struct bb_blob *b, const double px[][2], size_t n)
 	return bucket < FLOOD_BUCKETS - 1 ? (size_t)bucket : FLOOD_BUCKETS - 1;
 }
 
-/* More blobs than fit: those nearest to the predictions, found by counting distances; without a prediction the first. */
+/* More blobs than fit: those nearest to the predictions, found by counting distances; without a prediction the first.
+ */
 static void keep_nearest(const struct bb_tracker *tr, size_t camera, struct bb_track_view *view,
-                         const struct bb_blob *blobs, size_t n)
+			 const struct bb_blob *blobs, size_t n)
 {
 	double px[BB_BODIES_MAX][2];
 	const size_t n_px = predicted_px(tr, camera, view->mid_ns, px);
@@ -328,7 +331,7 @@ static void keep_nearest(const struct bb_tracker *tr, size_t camera, struct bb_t
 }
 
 void bb_tracker_frame(struct bb_tracker *tr, size_t camera, int64_t mid_exposure_ns, const struct bb_blob *blobs,
-                      size_t n)
+		      size_t n)
 {
 	if (!tr || camera >= tr->config.n_cameras || (n && !blobs))
 		return;
@@ -387,7 +390,9 @@ static struct bb_track_pose pose_never(const struct bb_tracker *tr, size_t body)
 struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, int64_t at_ns)
 {
 	if (!tr || body >= tr->config.n_bodies)
-		return (struct bb_track_pose){ .body = BB_POSE_IDENTITY, .eyes = BB_POSE_IDENTITY, .flags = BB_TRACK_NEVER };
+		return (struct bb_track_pose){ .body = BB_POSE_IDENTITY,
+					       .eyes = BB_POSE_IDENTITY,
+					       .flags = BB_TRACK_NEVER };
 	const struct bb_track_body *b = &tr->bodies[body];
 	if (!b->filter.live)
 		return pose_never(tr, body);

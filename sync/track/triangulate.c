@@ -5,7 +5,7 @@
 #include "sync/track/linalg.h"
 
 bool bb_triangulate_pair(const struct bb_sight *a, const struct bb_sight *b, double min_angle_rad, struct bb_vec3 *mid,
-                         double *gap_sigmas, double *sigma_m)
+			 double *gap_sigmas, double *sigma_m)
 {
 	const struct bb_vec3 w = bb_vec3_sub(b->o, a->o), n = bb_vec3_cross(a->d, b->d);
 	const double sin2 = bb_vec3_dot(n, n), c = bb_vec3_dot(a->d, b->d);
@@ -20,7 +20,7 @@ bool bb_triangulate_pair(const struct bb_sight *a, const struct bb_sight *b, dou
 	*gap_sigmas = fabs(bb_vec3_dot(w, n)) / sqrt(sin2) / both;
 	*sigma_m = both / sqrt(sin2);
 	*mid = bb_vec3_lerp(bb_vec3_add(a->o, bb_vec3_scale(a->d, ta)), bb_vec3_add(b->o, bb_vec3_scale(b->d, tb)),
-	                    sa * sa / (both * both));
+			    sa * sa / (both * both));
 	return true;
 }
 
@@ -39,20 +39,21 @@ static double widest_sin2(const struct bb_sight *sights, size_t n)
 static bool solve3(const double m[3][3], const double b[3], struct bb_vec3 *x)
 {
 	const struct bb_vec3 r0 = { m[0][0], m[0][1], m[0][2] }, r1 = { m[1][0], m[1][1], m[1][2] },
-	                     r2 = { m[2][0], m[2][1], m[2][2] };
+			     r2 = { m[2][0], m[2][1], m[2][2] };
 	const struct bb_vec3 c12 = bb_vec3_cross(r1, r2), c20 = bb_vec3_cross(r2, r0), c01 = bb_vec3_cross(r0, r1);
 	const double det = bb_vec3_dot(r0, c12);
 
 	if (!(fabs(det) > 0) || !isfinite(det))
 		return false;
-	*x = bb_vec3_scale(bb_vec3_add(bb_vec3_add(bb_vec3_scale(c12, b[0]), bb_vec3_scale(c20, b[1])),
-	                               bb_vec3_scale(c01, b[2])), 1 / det);
+	*x = bb_vec3_scale(
+		bb_vec3_add(bb_vec3_add(bb_vec3_scale(c12, b[0]), bb_vec3_scale(c20, b[1])), bb_vec3_scale(c01, b[2])),
+		1 / det);
 	return true;
 }
 
 /* Normal equations about `from` (small numbers: no cancellation far from the origin), weights at the depths of p. */
 static void accumulate(const struct bb_sight *sights, size_t n, struct bb_vec3 from, struct bb_vec3 p, double m[3][3],
-                       double b[3])
+		       double b[3])
 {
 	for (size_t i = 0; i < n; i++) {
 		const struct bb_sight *s = &sights[i];

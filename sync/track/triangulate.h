@@ -19,13 +19,13 @@ struct bb_sight { /* a ray with its origin */
 
 struct bb_triangulated {
 	struct bb_vec3 p;
-	double sigma_m;    /* along the worst direction */
-	double chi2;       /* sum of squared ray distances in sigmas; 2 n - 3 degrees of freedom */
+	double sigma_m; /* along the worst direction */
+	double chi2;    /* sum of squared ray distances in sigmas; 2 n - 3 degrees of freedom */
 };
 
 /* Closest approach of two rays: midpoint, gap in sigmas. false: too parallel or behind. */
 bool bb_triangulate_pair(const struct bb_sight *a, const struct bb_sight *b, double min_angle_rad, struct bb_vec3 *mid,
-                         double *gap_sigmas, double *sigma_m);
+			 double *gap_sigmas, double *sigma_m);
 /* n >= 2 sights; false when no pair has min_angle_rad or the point is behind one of them. */
 bool bb_triangulate(const struct bb_sight *sights, size_t n, double min_angle_rad, struct bb_triangulated *out);
 
