@@ -193,7 +193,7 @@ static enum bb_status parse_target(const char *target, struct sim_fault *f, cons
 		               BB_ID_MAX - 1);
 	memcpy(f->class_name, target, n);
 	f->class_name[n] = '\0';
-	strcpy(f->id, slash + 1); /* fits: checked above */
+	memcpy(f->id, slash + 1, strlen(slash + 1) + 1);
 	return BB_OK;
 }
 
@@ -229,7 +229,7 @@ static enum bb_status parse_arg(const char *token, struct sim_fault *f, const st
 	key[n] = '\0';
 	if (sim_fault_arg(&f->args, key))
 		return bb_fail(err, BB_ERR_CONFIG, 1605, where, "\"%s\" is given twice", key);
-	strcpy(f->args.arg[f->args.n++].value, equals + 1); /* fits: checked above */
+	memcpy(f->args.arg[f->args.n++].value, equals + 1, strlen(equals + 1) + 1);
 	return BB_OK;
 }
 
@@ -326,7 +326,7 @@ enum bb_status sim_fault_parse(const char *text, struct sim_fault *out, const st
                                struct bb_error *err)
 {
 	const struct sim_verb *verb = NULL;
-	struct line line;
+	struct line line = { .n = 0 };
 	struct sim_fault f = { .for_ns = BB_NEVER };
 
 	*out = f;
@@ -351,33 +351,22 @@ enum bb_status sim_fault_parse(const char *text, struct sim_fault *out, const st
 
 /* Files */
 
-static enum bb_status read_all(const char *path, char **out, size_t *n_out, struct bb_error *err)
+static enum bb_status read_all(const char *path, char *text, size_t *n_out, struct bb_error *err)
 {
 	const struct bb_where where = { path, 0, 0 };
 	FILE *file = fopen(path, "rb");
 	enum bb_status status = BB_OK;
-	char *text = malloc(FAULT_FILE_MAX_BYTES + 2);
 
 	if (!file)
-		status = bb_fail(err, BB_ERR_CONFIG, 1001, &where, "%s", strerror(errno));
-	else if (!text)
-		status = bb_fail(err, BB_ERR_NOMEM, 1702, &where, "reading faults");
-	if (status == BB_OK) {
-		*n_out = fread(text, 1, FAULT_FILE_MAX_BYTES + 1, file);
-		text[*n_out] = '\0';
-		if (ferror(file))
-			status = bb_fail(err, BB_ERR_CONFIG, 1002, &where, "%s", strerror(errno));
-		else if (*n_out > FAULT_FILE_MAX_BYTES)
-			status = bb_fail(err, BB_ERR_CONFIG, 1003, &where, "more than %d bytes", FAULT_FILE_MAX_BYTES);
-	}
-	if (file)
-		fclose(file);
-	if (status != BB_OK) {
-		free(text);
-		return status;
-	}
-	*out = text;
-	return BB_OK;
+		return bb_fail(err, BB_ERR_CONFIG, 1001, &where, "%s", strerror(errno));
+	*n_out = fread(text, 1, FAULT_FILE_MAX_BYTES + 1, file);
+	text[*n_out] = '\0';
+	if (ferror(file))
+		status = bb_fail(err, BB_ERR_CONFIG, 1002, &where, "%s", strerror(errno));
+	else if (*n_out > FAULT_FILE_MAX_BYTES)
+		status = bb_fail(err, BB_ERR_CONFIG, 1003, &where, "more than %d bytes", FAULT_FILE_MAX_BYTES);
+	fclose(file);
+	return status;
 }
 
 /* Ends a line at its comment or newline, trims it, and returns what follows (NULL: the end). */
@@ -422,15 +411,16 @@ static enum bb_status parse_text(char *text, size_t n, const char *path, struct 
 
 enum bb_status sim_fault_file(const char *path, struct sim_fault **out, size_t *n_out, struct bb_error *err)
 {
-	char *text = NULL;
+	char *text = malloc(FAULT_FILE_MAX_BYTES + 2);
 	size_t n = 0;
 
 	*out = NULL;
 	*n_out = 0;
-	enum bb_status status = read_all(path, &text, &n, err);
-	if (status != BB_OK)
-		return status;
-	status = parse_text(text, n, path, out, n_out, err);
+	if (!text)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "reading faults");
+	enum bb_status status = read_all(path, text, &n, err);
+	if (status == BB_OK)
+		status = parse_text(text, n, path, out, n_out, err);
 	free(text);
 	if (status != BB_OK) {
 		free(*out);

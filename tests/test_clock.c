@@ -74,11 +74,11 @@ static void rearming_moves_to_the_back_of_its_rank(void **state)
 
 	for (int i = 0; i < 3; i++)
 		arm(*state, &p[i], i, 1, 50);
-	assert_int_equal(bb_clock_arm(*state, &p[0].timer, 50), BB_OK);
+	assert_int_equal(bb_clock_arm(*state, &p[1].timer, 50), BB_OK);
 	bb_clock_run_until(*state, 50);
-	assert_int_equal(order[0], 1);
+	assert_int_equal(order[0], 0);
 	assert_int_equal(order[1], 2);
-	assert_int_equal(order[2], 0);
+	assert_int_equal(order[2], 1);
 }
 
 static void a_periodic_step_keeps_its_schedule(void **state)
