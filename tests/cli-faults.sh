@@ -30,7 +30,9 @@ done
 check "desk passes without faults" [ $? = 0 ]
 
 check "a camera covered" fails_with camera/c3 "at 2.0s camera/c3 cover for 3s"
-check "two cameras dark" fails_with camera/c2 "at 2.0s camera/c1 dark" "at 2.0s camera/c2 dark"
+check "two cameras dark" fails_with camera/c1 "at 2.0s camera/c1 dark" "at 2.0s camera/c2 dark"
+both=$(field "$work/f.json" '" ".join(sorted(i["culprit"] for i in r["incidents"]))')
+check "both dark cameras have an incident" [ "$both" = "camera/c1 camera/c2" ]
 check "eye polarity flipped in the middle" fails_with shutter/chain "at 5s shutter/chain flip_polarity"
 check "node right one frame late for 20 frames" fails_with node/right "at 3s node/right late frames=1 for 20 frames"
 check "a monitor on the wrong input" fails_with monitor/front-m "at 1s monitor/front-m input value=0x11"

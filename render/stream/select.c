@@ -85,8 +85,10 @@ void bb_select_seen(struct bb_stream *s, const struct bb_view *views, size_t n_v
 		add_view(s, &views[i]);
 }
 
-size_t bb_select_gather(const struct bb_stream *s, uint32_t step, uint64_t *out)
+size_t bb_select_gather(const struct bb_stream *s, uint32_t step, double share, uint64_t *out)
 {
+	const double stretch = 1 / (share > 0.001 ? share : 0.001);
+
 	const uint32_t first = step * s->n_bricks;
 	size_t n = 0;
 
@@ -95,8 +97,8 @@ size_t bb_select_gather(const struct bb_stream *s, uint32_t step, uint64_t *out)
 		if (um == BB_UNSEEN || s->empty[gid])
 			continue;
 		/* A brick that is here counts as an eighth nearer, or a swaying head would swap two of them for ever. */
-		const uint32_t rank = s->where[gid] >= 0 ? um - um / 8 : um;
-		out[n++] = (uint64_t)rank << 32 | gid;
+		const double rank = (s->where[gid] >= 0 ? um - um / 8 : um) * stretch;
+		out[n++] = (uint64_t)(uint32_t)(rank < 4e9 ? rank : 4e9) << 32 | gid;
 	}
 	return n;
 }

@@ -127,7 +127,7 @@ static size_t gather_soon(struct bb_stream *s, const uint32_t shown[2], double n
 
 	for (size_t i = 0; i < n_next; i++)
 		if (next[i] != shown[0] && next[i] != shown[1])
-			n += bb_select_gather(s, next[i], s->soon + n);
+			n += bb_select_gather(s, next[i], 1, s->soon + n);
 	return n;
 }
 
@@ -144,8 +144,9 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_vie
 	bb_stream_commit(s);
 	bb_select_seen(s, views, n_views);
 	const size_t n_shown = steps_at(s, step, shown);
+	const double later = n_shown == 2 ? step - shown[0] : 0;
 	for (size_t i = 0; i < n_shown; i++)
-		n += bb_select_gather(s, shown[i], s->show + n);
+		n += bb_select_gather(s, shown[i], i ? later : 1 - later, s->show + n);
 	const size_t keep = n < s->atlas.n_slots ? n : s->atlas.n_slots;
 	counts.loaded = want(s, s->show, n, keep, budget, &counts);
 	budget -= counts.loaded;

@@ -62,8 +62,9 @@ void bb_stream_read(const struct bb_stream *s, struct bb_load load);
 
 /* select.c */
 void bb_select_seen(struct bb_stream *s, const struct bb_view *views, size_t n_views);
-/* Ranks of the visible bricks of one step, appended; returns how many. */
-size_t bb_select_gather(const struct bb_stream *s, uint32_t step, uint64_t *out);
+/* Ranks of the visible bricks of one step, appended; returns how many. share (0..1) is how much of what is on show comes
+ * from this step: a brick that counts half ranks as if it were twice as far. */
+size_t bb_select_gather(const struct bb_stream *s, uint32_t step, double share, uint64_t *out);
 void bb_heap_make(uint64_t *heap, size_t n);
 /* The least of n is returned and put behind the n - 1 that remain. */
 uint64_t bb_heap_pop(uint64_t *heap, size_t n);
