@@ -76,10 +76,28 @@ static bool over_wall(const struct bb_corners *c, struct bb_vec3 p, double slack
 
 /* --- inside and outside ------------------------------------------------------------------------------------------- */
 
-static bool face_each_other(const struct bb_corners *a, const struct bb_corners *b)
+/*
+ * Which way is in: 1 as the corners say, -1 when the middle of all walls lies behind this one. So one wall that faces
+ * away is one finding, and does not put everything else outside.
+ */
+static double facing(const struct bb_room *room, const struct bb_corners *c)
 {
-	return bb_vec3_dot(bb_corners_normal(a), bb_corners_normal(b)) < -0.9 &&
-	       in_front(a, bb_corners_at(b, 0.5, 0.5)) > TOUCH_M && in_front(b, bb_corners_at(a, 0.5, 0.5)) > TOUCH_M;
+	const struct bb_vec3 middle = bb_vec3_scale(bb_vec3_add(room->min, room->max), 0.5);
+
+	return in_front(c, middle) < -TOUCH_M ? -1 : 1;
+}
+
+static double depth_in(const struct bb_room *room, const struct bb_corners *c, struct bb_vec3 p)
+{
+	return facing(room, c) * in_front(c, p);
+}
+
+static bool face_each_other(const struct bb_room *room, const struct bb_corners *a, const struct bb_corners *b)
+{
+	const double cosine = bb_vec3_dot(bb_corners_normal(a), bb_corners_normal(b));
+
+	return fabs(cosine) > 0.9 && depth_in(room, a, bb_corners_at(b, 0.5, 0.5)) > TOUCH_M &&
+	       depth_in(room, b, bb_corners_at(a, 0.5, 0.5)) > TOUCH_M;
 }
 
 bool bb_room_contains(const struct bb_room *room, struct bb_vec3 p, double slack_m)
@@ -88,16 +106,16 @@ bool bb_room_contains(const struct bb_room *room, struct bb_vec3 p, double slack
 
 	for (size_t i = 0; i < room->n_walls; i++) {
 		const struct bb_corners *a = &room->walls[i].corners;
-		const bool behind = in_front(a, p) < -slack_m;
+		const bool behind = depth_in(room, a, p) < -slack_m;
 
 		if (behind && over_wall(a, p, slack_m))
 			return false;
 		for (size_t j = i + 1; j < room->n_walls; j++) {
 			const struct bb_corners *b = &room->walls[j].corners;
-			if (!face_each_other(a, b))
+			if (!face_each_other(room, a, b))
 				continue;
 			enclosed = true;
-			if (behind || in_front(b, p) < -slack_m)
+			if (behind || depth_in(room, b, p) < -slack_m)
 				return false;
 		}
 	}
@@ -113,8 +131,8 @@ static void lint_wall(struct sink *s, const struct bb_room *room, const struct b
 	const struct bb_vec3 up = bb_vec3_unit(bb_vec3_sub(w->corners.upper_left, w->corners.lower_left), x);
 	const double lean = bb_vec3_dot(right, up);
 
-	if (in_front(&w->corners, room->neutral) <= 0)
-		find(s, 1152, 1, "wall/%s (line %d): the viewer stands behind it", w->id, w->line);
+	if (facing(room, &w->corners) < 0 || (room->n_walls == 1 && in_front(&w->corners, room->neutral) <= 0))
+		find(s, 1152, 1, "wall/%s (line %d): its picture faces outwards", w->id, w->line);
 	if (fabs(lean) > SQUARE_SINE)
 		find(s, 1153, 1, "wall/%s (line %d): %.2f degrees between its edges, not 90", w->id, w->line,
 		     acos(lean) * 57.29577951308232);
@@ -144,19 +162,38 @@ static bool coplanar(const struct bb_corners *a, const struct bb_corners *b)
 	       fabs(in_front(a, bb_corners_at(b, 0.5, 0.5))) < TOUCH_M;
 }
 
-/* Does an edge of b go through a, away from a's rim? */
-static bool pierces(const struct bb_corners *a, const struct bb_corners *b)
+/*
+ * Where b goes through a's plane: two points of its rim. False when b only touches it (a corner, a wall that ends on
+ * another), that is when it does not reach to both sides by more than TOUCH_M.
+ */
+static bool cut(const struct bb_corners *a, const struct bb_corners *b, struct bb_vec3 ends[2])
 {
+	double least = INFINITY, most = -INFINITY;
+	int n = 0;
+
 	for (int i = 0; i < 4; i++) {
 		const struct bb_vec3 p = corner(b, i), q = corner(b, (i + 1) % 4);
 		const double dp = in_front(a, p), dq = in_front(a, q);
 
-		if (dp * dq >= 0 || fabs(dp) < TOUCH_M || fabs(dq) < TOUCH_M)
-			continue;
-		if (over_wall(a, bb_vec3_lerp(p, q, dp / (dp - dq)), -TOUCH_M))
-			return true;
+		least = fmin(least, dp);
+		most = fmax(most, dp);
+		if ((dp < 0) != (dq < 0) && n < 2)
+			ends[n++] = bb_vec3_lerp(p, q, dp / (dp - dq));
 	}
-	return false;
+	return n == 2 && least < -TOUCH_M && most > TOUCH_M;
+}
+
+/* Two walls cross where their cuts, which lie on one line, have more than a point in common. */
+static bool cross(const struct bb_corners *a, const struct bb_corners *b)
+{
+	struct bb_vec3 in_a[2], in_b[2];
+
+	if (!cut(a, b, in_b) || !cut(b, a, in_a))
+		return false;
+	const struct bb_vec3 line = bb_vec3_unit(bb_vec3_sub(in_a[1], in_a[0]), (struct bb_vec3){ 0, 1, 0 });
+	const double length = bb_vec3_norm(bb_vec3_sub(in_a[1], in_a[0]));
+	const double u = bb_vec3_dot(line, bb_vec3_sub(in_b[0], in_a[0])), v = bb_vec3_dot(line, bb_vec3_sub(in_b[1], in_a[0]));
+	return fmin(fmax(u, v), length) - fmax(fmin(u, v), 0) > TOUCH_M;
 }
 
 /* How far apart the nearest two edges of two walls are, as the larger distance of their ends. */
@@ -185,7 +222,7 @@ static void lint_pair(struct sink *s, const struct bb_wall *a, const struct bb_w
 	double shorter = 0, apart;
 
 	if (flat ? overlap_along(&a->corners, &b->corners) && overlap_along(&b->corners, &a->corners)
-	         : pierces(&a->corners, &b->corners) || pierces(&b->corners, &a->corners)) {
+	         : cross(&a->corners, &b->corners)) {
 		find(s, 1150, 1, "wall/%s (line %d) and wall/%s (line %d) overlap", a->id, a->line, b->id, b->line);
 		return;
 	}
@@ -260,7 +297,7 @@ static void lint_viewer(struct sink *s, const struct bb_room *room)
 
 	if (eyes_mm < BELOW_EYES_MM || eyes_mm > ABOVE_EYES_MM)
 		find(s, 1155, 1, "room: eyes %.4g mm apart, people have %g to %g", eyes_mm, BELOW_EYES_MM, ABOVE_EYES_MM);
-	if (!bb_room_contains(room, room->neutral, 0))
+	if (room->n_walls > 1 && !bb_room_contains(room, room->neutral, 0))
 		find(s, 1157, 1, "room: the neutral point [%.3f, %.3f, %.3f] m is outside", room->neutral.x, room->neutral.y,
 		     room->neutral.z);
 }
