@@ -10,7 +10,6 @@
 #include <stdlib.h>
 
 #define HOUR_NS (3600 * BB_NS_PER_S)
-#define CYCLES_KEPT BB_ARRAY_LEN(((struct bb_power_guard *)0)->cycle_ns)
 
 static bool complete(const struct bb_power_ops *o)
 {
@@ -101,11 +100,11 @@ static void no_earlier(struct gate *gate, int64_t until_ns, const char *why)
 static void cycles_gate(const struct bb_power *p, const struct bb_power_guard *g, struct gate *gate)
 {
 	const double most = p->config.safety.outlet_cycles_per_hour;
-	const size_t n = most >= (double)CYCLES_KEPT ? CYCLES_KEPT : most >= 1 ? (size_t)most : 1;
+	const size_t n = (size_t)fmax(1, fmin(floor(most), BB_POWER_CYCLES_KEPT));
 	const int64_t window_ns = most >= 1 ? HOUR_NS : ns_of(3600 / most);
 
 	if (g->n_cycles >= n)
-		no_earlier(gate, g->cycle_ns[(g->n_cycles - n) % CYCLES_KEPT] + window_ns, "most cycles per hour");
+		no_earlier(gate, g->cycle_ns[(g->n_cycles - n) % BB_POWER_CYCLES_KEPT] + window_ns, "most cycles per hour");
 }
 
 static struct gate gate_of(const struct bb_power *p, const struct bb_power_guard *g, bool on)
@@ -138,7 +137,7 @@ int64_t bb_power_wait_ns(const struct bb_power *p, size_t index, bool on)
 
 static void count_cycle(struct bb_power_guard *g, int64_t at_ns)
 {
-	g->cycle_ns[g->n_cycles++ % CYCLES_KEPT] = at_ns;
+	g->cycle_ns[g->n_cycles++ % BB_POWER_CYCLES_KEPT] = at_ns;
 }
 
 /* A command is going out. Whether or not it is acknowledged, it may move the contact now. */
@@ -152,7 +151,7 @@ static void note_command(struct bb_power *p, struct bb_power_guard *g, bool on, 
 		if (on)
 			count_cycle(g, now_ns);
 	} else if (on && g->n_cycles) {
-		g->cycle_ns[(g->n_cycles - 1) % CYCLES_KEPT] = now_ns;
+		g->cycle_ns[(g->n_cycles - 1) % BB_POWER_CYCLES_KEPT] = now_ns;
 	}
 	g->on = on;
 	g->switched = true;

@@ -4,6 +4,8 @@
 
 #include "hal/power.h"
 
+#define BB_POWER_CYCLES_KEPT 8 /* at least the ceiling of cycles per hour */
+
 struct bb_power_ops;
 struct bb_power {
 	struct bb_device dev;
@@ -17,7 +19,7 @@ struct bb_power {
 		int64_t at_ns;           /* last change of `on` */
 		bool before_switched;    /* the same before the last command, should it prove lost */
 		int64_t before_ns;
-		int64_t cycle_ns[8];     /* the last switch-ons, a ring */
+		int64_t cycle_ns[BB_POWER_CYCLES_KEPT]; /* the last switch-ons, a ring */
 		size_t n_cycles;         /* switch-ons in all */
 	} guard[BB_OUTLETS_MAX];
 	int64_t last_on_ns;          /* of any outlet, when any_on: stagger */

@@ -55,15 +55,17 @@ static void *grown(void *array, size_t n, size_t *cap, size_t each)
 		return array;
 	const size_t more = *cap ? 2 * *cap : 32; /* EVENTS_MAX bounds it */
 	void *larger = realloc(array, more * each);
-	if (larger)
-		*cap = more;
+	if (!larger)
+		return NULL;
+	memset((char *)larger + *cap * each, 0, (more - *cap) * each);
+	*cap = more;
 	return larger;
 }
 
-/* Index of the last key at or before t, -1 before the first. */
-static ptrdiff_t last_key(const struct track *tr, int64_t t_ns)
+/* How many keys lie at or before t. */
+static size_t keys_until(const struct track *tr, int64_t t_ns)
 {
-	size_t lo = 0, hi = tr->n;
+	size_t lo = 0, hi = tr->key ? tr->n : 0;
 
 	while (lo < hi) {
 		const size_t mid = (lo + hi) / 2;
@@ -72,17 +74,17 @@ static ptrdiff_t last_key(const struct track *tr, int64_t t_ns)
 		else
 			hi = mid;
 	}
-	return (ptrdiff_t)lo - 1;
+	return lo;
 }
 
 static double track_at(const struct track *tr, int64_t t_ns)
 {
-	const ptrdiff_t i = last_key(tr, t_ns);
+	const size_t n = keys_until(tr, t_ns);
 
-	if (i < 0)
+	if (!n || !tr->key)
 		return 0;
-	const struct key *k = &tr->key[i];
-	if ((size_t)i + 1 == tr->n)
+	const struct key *k = &tr->key[n - 1];
+	if (n == tr->n)
 		return k->value;
 	return k->value + (k[1].value - k->value) * (double)(t_ns - k->t_ns) / (double)(k[1].t_ns - k->t_ns);
 }
@@ -184,7 +186,7 @@ static enum bb_status number(struct parser *p, size_t i, double least, double mo
 
 static enum bb_status whole(struct parser *p, size_t i, double least, double most, const char *what, size_t *out)
 {
-	double value;
+	double value = 0;
 	const enum bb_status status = number(p, i, least, most, what, &value);
 
 	if (status != BB_OK)
@@ -248,7 +250,7 @@ static enum bb_status parse_battery(struct parser *p)
 static enum bb_status parse_report(struct parser *p)
 {
 	enum bb_status status = need_words(p, 3 + BB_PAD_AXES, "t_s report A1 A2 A3 A4 A5 A6 BITS");
-	double value;
+	double value = 0;
 	char *end;
 
 	for (size_t i = 0; i < BB_PAD_AXES && status == BB_OK; i++) {
@@ -274,7 +276,7 @@ static enum bb_status parse_event(struct parser *p)
 	} kinds[] = {
 		{ "axis", parse_axis }, { "button", parse_button }, { "battery", parse_battery }, { "report", parse_report },
 	};
-	double t_s;
+	double t_s = 0;
 	const enum bb_status status = number(p, 0, 0, T_MAX_S, "time", &t_s);
 
 	if (status != BB_OK)

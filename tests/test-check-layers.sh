@@ -60,6 +60,7 @@ found "by angle brackets"         hal/zz.c       1 layer  '#include <sim/world.h
 found "with blanks"               hal/zz.c       1 layer  ' \t# \t include\t"sim/world.h"\n'
 found "over a broken line"        hal/zz.c       2 layer  '\n#include \\\n"sim/world.h"\n'
 found "behind a comment"          hal/zz.c       1 layer  '/* x */ #include "sim/world.h"\n'
+found "behind a long comment"     hal/zz.c       2 layer  '/* x\n*/ #include "sim/world.h"\n'
 found "in a .def"                 hal/zz.def     1 layer  '#include "sim/world.h"\n'
 found "sideways"                  sim/zz.c       1 path   '#include "world.h"\n'
 found "upwards"                   sim/zz.c       1 path   '#include "../hal/room.h"\n'
