@@ -21,6 +21,14 @@
 
 #include <cmocka.h>
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer)
+#define UNDER_SANITIZER
+#endif
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define UNDER_SANITIZER
+#endif
+
 #define MOST_NS INT64_C(1000000000)
 #define MOST_KIB (256 * 1024)
 
@@ -368,7 +376,7 @@ static void memory_stayed_small(void **state)
 	(void)state;
 	struct rusage use;
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#ifdef UNDER_SANITIZER
 	print_message("skipped: a sanitizer's own memory would be counted\n");
 	skip();
 #endif

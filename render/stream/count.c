@@ -64,7 +64,7 @@ void bb_count_rays(const struct bb_stream_config *config, const struct bb_view *
 	const struct bb_pose *pose = &config->placement.pose;
 	const struct bb_vec3 corner = bb_pose_inverse_apply(pose, view->corners.lower_left);
 	const double step_m = step_length_m(config, step_voxels);
-	struct beam beam;
+	struct beam beam = { 0 };
 	uint64_t rays = 0, samples = 0;
 
 	if (!(step_m > 0))
