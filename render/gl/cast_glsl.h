@@ -2,8 +2,9 @@
  * render/gl/cast_glsl.h: the ray caster as GLSL 3.30 core. Read by cast.c only; repeats rays.c in float.
  *
  * A ray is walked brick by brick and inside a brick sample by sample, always at whole sample numbers: what a brick is
- * (empty, resident, coarse) can change which texture is read but never where. The two inner loops are loops and not
- * branches because llvmpipe runs both sides of a branch but leaves a loop that no pixel of a group wants.
+ * (empty, resident, coarse) can change which texture is read but never where. What differs from brick to brick is in
+ * loops and not in branches, because llvmpipe runs both sides of a branch but skips a loop that no pixel of a group
+ * wants; the mixed loop serves pairs of steps of which one brick is there and one is not.
  */
 #ifndef BB_RENDER_GL_CAST_GLSL_H
 #define BB_RENDER_GL_CAST_GLSL_H
@@ -37,6 +38,20 @@ static const char bb_cast_fragment_glsl[] =
 	"	return slot * STORED - brick * EDGE + 1.5;\n"
 	"}\n"
 	"\n"
+	"#define FINE(offset) texture(u_atlas, (at + offset) * u_texel).x\n"
+	"#define COARSE(volume) texture(volume, at * u_coarse_scale + u_coarse_offset).x\n"
+	"#if STEPS == 2\n"
+	"#define VALUE(v0, v1) mix(v0, v1, u_mix)\n"
+	"#else\n"
+	"#define VALUE(v0, v1) (v0)\n"
+	"#endif\n"
+	"#define WALK(to, v0, v1) \\\n"
+	"	for (; i < to; i++) { \\\n"
+	"		vec3 at = clamp(first + float(i) * stride, low, high); \\\n"
+	"		float v = VALUE(v0, v1); \\\n"
+	"		sum += (1.0 - sum.w) * texture(u_transfer, v * u_table.x + u_table.y); \\\n"
+	"	}\n"
+	"\n"
 	"void main()\n"
 	"{\n"
 	"	vec2 share = gl_FragCoord.xy * u_pixel;\n" /* row 0 of the framebuffer is the picture's top row */
@@ -61,29 +76,14 @@ static const char bb_cast_fragment_glsl[] =
 	"		             vec3(greaterThan(brick, u_grid - 1.5)) * ahead;\n"
 	"		vec3 last = ((brick + ahead + outer) * EDGE - first) * per_stride;\n"
 	"		int end = min(n, max(i + 1, int(ceil(min(min(last.x, last.y), last.z)))));\n"
-	"		int fine_end = min(s.x, s.y) >= 0 ? end : i, coarse_end = s.x == -2 ? i : end;\n"
+	"		bool empty = s.x == -2, fine = min(s.x, s.y) >= 0, coarse = max(s.x, s.y) == -1;\n"
+	"		int fine_end = fine ? end : i, coarse_end = coarse ? end : i, mixed_end = empty ? i : end;\n"
 	"		vec3 offset_0 = slot_offset(s.x, brick), offset_1 = slot_offset(s.y, brick);\n"
 	"\n"
-	"		for (; i < fine_end; i++) {\n"
-	"			vec3 at = clamp(first + float(i) * stride, low, high);\n"
-	"			float v = texture(u_atlas, (at + offset_0) * u_texel).x;\n"
-	"#if STEPS == 2\n"
-	"			v = mix(v, texture(u_atlas, (at + offset_1) * u_texel).x, u_mix);\n"
-	"#endif\n"
-	"			sum += (1.0 - sum.w) * texture(u_transfer, v * u_table.x + u_table.y);\n"
-	"		}\n"
-	"		for (; i < coarse_end; i++) {\n"
-	"			vec3 at = clamp(first + float(i) * stride, low, high);\n"
-	"			vec3 wide = at * u_coarse_scale + u_coarse_offset;\n"
-	"			float v = s.x >= 0 ? texture(u_atlas, (at + offset_0) * u_texel).x\n"
-	"			                   : texture(u_coarse_0, wide).x;\n"
-	"#if STEPS == 2\n"
-	"			float w = s.y >= 0 ? texture(u_atlas, (at + offset_1) * u_texel).x\n"
-	"			                   : texture(u_coarse_1, wide).x;\n"
-	"			v = mix(v, w, u_mix);\n"
-	"#endif\n"
-	"			sum += (1.0 - sum.w) * texture(u_transfer, v * u_table.x + u_table.y);\n"
-	"		}\n"
+	"		WALK(fine_end, FINE(offset_0), FINE(offset_1))\n"
+	"		WALK(coarse_end, COARSE(u_coarse_0), COARSE(u_coarse_1))\n"
+	"		WALK(mixed_end, s.x >= 0 ? FINE(offset_0) : COARSE(u_coarse_0),\n"
+	"		     s.y >= 0 ? FINE(offset_1) : COARSE(u_coarse_1))\n"
 	"		i = sum.w > 1.0 - OPAQUE ? n : max(i, end);\n"
 	"	}\n"
 	"	o_colour = floor(clamp(sum, 0.0, 1.0) * 255.0 + 0.5) / 255.0;\n"
