@@ -59,7 +59,8 @@ struct bb_atlas {
 	const uint64_t *slot_generation; /* [n_slots] generation of a slot's content */
 	uint32_t coarse_dim[3];        /* per step */
 	const uint16_t *coarse;        /* [n_steps][z][y][x] */
-	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible under the transfer function */
+	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible under the transfer function, border included,
+	                                * at its step and anywhere on the way to either neighbouring step */
 };
 const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);
 const struct bb_stream_config *bb_stream_config(const struct bb_stream *s);
