@@ -53,5 +53,7 @@ deb=$(find "$tmp" -name "${package}_*.deb" | head -n 1)
 [ -n "$deb" ] || give_up "apt-get left no package"
 dpkg-deb --fsys-tarfile "$deb" 2>/dev/null | tar -xO "$inside" >"$tmp/file" 2>/dev/null
 is_right "$tmp/file" || give_up "$(basename "$deb") does not hold the expected file"
-mkdir -p build/data && cp "$tmp/file" "$dest.part" && mv "$dest.part" "$dest" || give_up "cannot write $dest"
+mkdir -p build/data
+cp "$tmp/file" "$dest.part" 2>/dev/null || give_up "cannot write $dest"
+mv "$dest.part" "$dest"
 echo "data: $dest is there"

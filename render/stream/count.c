@@ -11,22 +11,38 @@
 #define ROWS 24
 #define SAMPLES_MOST 1e6 /* of one ray: keeps sums within 64 bits whatever the step */
 
-/* Length of the ray from o along the unit vector d inside the box of half edges h; 0 when they miss. */
-static double way_through(const double o[3], const double d[3], const double h[3])
+struct beam { /* rays of one view: from o through corner + u * across + v * up, volume space */
+	double o[3], corner[3], across[3], up[3];
+	double half_m[3];
+};
+
+static void put(struct bb_vec3 v, double out[3])
 {
-	double enter = 0, leave = HUGE_VAL;
+	out[0] = v.x;
+	out[1] = v.y;
+	out[2] = v.z;
+}
+
+/* Way of one ray inside the box; 0 when they miss. Comparisons rather than fmin, which is a call. */
+static double way_through_m(const struct beam *beam, double u, double v)
+{
+	double enter = 0, leave = 1e300, square = 0;
 
 	for (int a = 0; a < 3; a++) {
-		if (fabs(d[a]) < 1e-15) {
-			if (fabs(o[a]) > h[a])
+		const double o = beam->o[a], h = beam->half_m[a];
+		const double d = beam->corner[a] + beam->across[a] * u + beam->up[a] * v - o;
+		square += d * d;
+		if (d > -1e-12 && d < 1e-12) {
+			if (o > h || o < -h)
 				return 0;
 			continue;
 		}
-		const double t1 = (-h[a] - o[a]) / d[a], t2 = (h[a] - o[a]) / d[a];
-		enter = fmax(enter, fmin(t1, t2));
-		leave = fmin(leave, fmax(t1, t2));
+		const double inverse = 1 / d, t1 = (-h - o) * inverse, t2 = (h - o) * inverse;
+		const double first = t1 < t2 ? t1 : t2, last = t1 < t2 ? t2 : t1;
+		enter = first > enter ? first : enter;
+		leave = last < leave ? last : leave;
 	}
-	return leave > enter && leave < HUGE_VAL ? leave - enter : 0;
+	return leave > enter && leave < 1e300 ? (leave - enter) * sqrt(square) : 0;
 }
 
 /* A step is measured along the longest edge of the volume. */
@@ -45,28 +61,25 @@ static double step_length_m(const struct bb_stream_config *config, double step_v
 void bb_count_rays(const struct bb_stream_config *config, const struct bb_view *view, uint32_t width_px,
                    uint32_t height_px, double step_voxels, struct bb_stream_counts *counts)
 {
-	const struct bb_placement *place = &config->placement;
-	const struct bb_vec3 eye = bb_pose_inverse_apply(&place->pose, view->eye);
-	const struct bb_vec3 ll = bb_pose_inverse_apply(&place->pose, view->corners.lower_left);
-	const struct bb_vec3 lr = bb_pose_inverse_apply(&place->pose, view->corners.lower_right);
-	const struct bb_vec3 ul = bb_pose_inverse_apply(&place->pose, view->corners.upper_left);
-	const struct bb_vec3 across = bb_vec3_sub(lr, ll), up = bb_vec3_sub(ul, ll), from = bb_vec3_sub(ll, eye);
-	const double o[3] = { eye.x, eye.y, eye.z };
-	const double h[3] = { place->size_m.x / 2, place->size_m.y / 2, place->size_m.z / 2 };
+	const struct bb_pose *pose = &config->placement.pose;
+	const struct bb_vec3 corner = bb_pose_inverse_apply(pose, view->corners.lower_left);
 	const double step_m = step_length_m(config, step_voxels);
+	struct beam beam = { 0 };
 	uint64_t rays = 0, samples = 0;
 
 	if (!(step_m > 0))
 		return;
+	put(bb_pose_inverse_apply(pose, view->eye), beam.o);
+	put(corner, beam.corner);
+	put(bb_vec3_sub(bb_pose_inverse_apply(pose, view->corners.lower_right), corner), beam.across);
+	put(bb_vec3_sub(bb_pose_inverse_apply(pose, view->corners.upper_left), corner), beam.up);
+	put(bb_vec3_scale(config->placement.size_m, 0.5), beam.half_m);
 	for (int j = 0; j < ROWS; j++)
 		for (int i = 0; i < COLUMNS; i++) {
-			struct bb_vec3 d = bb_vec3_add(from, bb_vec3_scale(across, (i + 0.5) / COLUMNS));
-			d = bb_vec3_unit(bb_vec3_add(d, bb_vec3_scale(up, (j + 0.5) / ROWS)), (struct bb_vec3){ 0, 0, -1 });
-			const double way_m = way_through(o, (const double[]){ d.x, d.y, d.z }, h);
-			if (!(way_m > 0))
-				continue;
-			rays++; /* samples stand at (k + 0.5) steps */
-			samples += (uint64_t)fmin(way_m / step_m + 0.5, SAMPLES_MOST);
+			const double way_m = way_through_m(&beam, (i + 0.5) / COLUMNS, (j + 0.5) / ROWS);
+			const double n = way_m / step_m + 0.5; /* samples stand at (k + 0.5) steps */
+			rays += way_m > 0;
+			samples += way_m > 0 ? (uint64_t)(n < SAMPLES_MOST ? n : SAMPLES_MOST) : 0;
 		}
 	counts->rays += rays * width_px * height_px / (COLUMNS * ROWS);
 	counts->samples += samples * width_px * height_px / (COLUMNS * ROWS);

@@ -1,7 +1,7 @@
 /*
  * render/stream/select.c: which bricks a set of views can see, and in which order they matter. Frustum planes are taken
- * from the view's matrices and brought into volume space once a view, so a brick costs six dot products. Ranks are whole
- * micrometres with the brick's number below them: no two are equal and every machine sorts them alike.
+ * from the view's matrices and brought into volume space once a view, so a brick costs six dot products. Ranks are
+ * whole micrometres with the brick's number below them: no two are equal and every machine sorts them alike.
  */
 #include "render/stream/stream_private.h"
 

@@ -79,7 +79,7 @@ void bb_stream_commit(struct bb_stream *s)
 	}
 }
 
-/* Keeps the best `keep` of n ranked bricks and asks for those of them that are missing. Returns how many it asked for. */
+/* Keeps the best `keep` of n ranked bricks and asks for those that are missing. Returns how many it asked for. */
 static uint32_t want(struct bb_stream *s, uint64_t *ranked, size_t n, size_t keep, uint32_t budget,
                      struct bb_stream_counts *counts)
 {

@@ -4,9 +4,10 @@
  * Each time step is cut into a grid of bricks (the last ones reach past the volume and are clamped). A brick lives in
  * the atlas with a border of true neighbours, 18^3 u16. A coarse copy of the whole volume (every 4th voxel, averaged)
  * is always resident and is what a brick that is not resident is drawn from. Per frame: want = bricks whose values can
- * be seen through the transfer function and that meet a view's frustum, for the step(s) on show, nearest first; then
- * prefetch for the next step; load at most `bricks_per_frame`, evicting least recently used ones that are not wanted.
- * Pure function of (frames so far, views, time): the same counters on every machine. One thread, but see stream_io.
+ * be seen through the transfer function and that meet a view's frustum, for the step(s) on show, nearest first; when
+ * more are wanted than fit, the nearest n_slots of them are kept (a resident one counts as an eighth nearer); then
+ * prefetch for the next step; load at most `bricks_per_frame`, evicting least recently used ones that are not kept.
+ * Pure function of (frames so far, views, time): the same counters on every machine. One thread, but see stream/io.h.
  */
 #ifndef BB_RENDER_STREAM_STREAM_H
 #define BB_RENDER_STREAM_STREAM_H
@@ -20,7 +21,9 @@
 #define BB_BRICK_BYTES (BB_BRICK_STORED * BB_BRICK_STORED * BB_BRICK_STORED * 2)
 #define BB_COARSE_FACTOR 4
 
-struct bb_placement { /* where the volume stands in the room */
+/* Where the volume stands in the room. Its faces lie half a voxel outside the outermost voxel centres: a point p of
+ * volume space is voxel coordinate (p / size + 0.5) * dim - 0.5 on each axis. */
+struct bb_placement {
 	struct bb_pose pose;          /* volume space (metres, centred) to room */
 	struct bb_vec3 size_m;        /* edge lengths in the room */
 };
@@ -35,9 +38,10 @@ struct bb_stream_config {
 
 struct bb_stream_counts {         /* of one frame */
 	uint32_t wanted, resident, missing; /* bricks on show; of them in the atlas; drawn coarse instead */
-	uint32_t loaded, evicted, prefetched;
+	uint32_t loaded, evicted, prefetched; /* asked for in this frame, the prefetched ones included; of them prefetched */
 	uint64_t bytes;               /* loaded * BB_BRICK_BYTES */
-	uint64_t rays, samples;       /* geometric: rays that meet the volume's box, and their length / step, all views */
+	uint64_t rays, samples;       /* geometric: rays that meet the volume's box, and their length / step, all views;
+	                              * from 32 x 24 rays a view, scaled to its pixels */
 };
 
 struct bb_stream;
@@ -59,8 +63,7 @@ struct bb_atlas {
 	const uint64_t *slot_generation; /* [n_slots] generation of a slot's content */
 	uint32_t coarse_dim[3];        /* per step */
 	const uint16_t *coarse;        /* [n_steps][z][y][x] */
-	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible under the transfer function, border included,
-	                                * at its step and anywhere on the way to either neighbouring step */
+	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible at this step and on the way to its neighbours */
 };
 const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);
 const struct bb_stream_config *bb_stream_config(const struct bb_stream *s);

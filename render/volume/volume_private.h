@@ -22,7 +22,8 @@ BB_MUST_CHECK enum bb_status bb_bytes_open(const char *path, unsigned mode, stru
 void bb_bytes_close(struct bb_bytes *b);
 BB_MUST_CHECK enum bb_status bb_bytes_rewind(struct bb_bytes *b, struct bb_error *err);
 /* Up to n bytes; fewer only at the end of the file. A damaged gzip stream is 1408. */
-BB_MUST_CHECK enum bb_status bb_bytes_read(struct bb_bytes *b, void *buf, size_t n, size_t *n_out, struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_bytes_read(struct bb_bytes *b, void *buf, size_t n, size_t *n_out,
+                                           struct bb_error *err);
 /* Could the file hold that many bytes at all? 1406 when it cannot, 1410 when only a bomb could. Allocates nothing. */
 BB_MUST_CHECK enum bb_status bb_bytes_could_hold(const struct bb_bytes *b, uint64_t n, struct bb_error *err);
 
