@@ -1,10 +1,10 @@
 /*
- * render/calibration.c: the picture by which a person checks a screen: is it the right one, for the right eye, the right
- * way up, of the right size, and does the tracked cursor stand where the wand is? No volume, no GL. Pixels of the
+ * render/calibration.c: the picture by which a person checks a screen: is it the right one, for the right eye, the
+ * right way up, of the right size, and does the tracked cursor stand where the wand is? No volume, no GL. Pixels of the
  * picture; lengths on the wall in metres. cairo is used in this file only (of render/).
  *
- * Grid lines lie where the room's own coordinate along the wall's edges is a multiple of 10 cm, so that they run on from
- * tile to tile and a tape measure laid on the wall agrees with them.
+ * Grid lines lie where the room's own coordinate along the wall's edges is a multiple of 10 cm, so that they run on
+ * from tile to tile and a tape measure laid on the wall agrees with them.
  */
 #include <cairo.h>
 #include <math.h>
@@ -22,9 +22,10 @@ struct colour {
 	double r, g, b;
 };
 
-static const struct colour background = { 0.035, 0.045, 0.065 }, fine = { 0.16, 0.20, 0.26 }, whole = { 0.36, 0.44, 0.54 },
-			   frame = { 0.93, 0.95, 0.97 }, quiet = { 0.60, 0.66, 0.74 }, pointer = { 1.0, 0.86, 0.24 },
-			   left_eye = { 0.28, 0.78, 1.0 }, right_eye = { 1.0, 0.50, 0.30 };
+static const struct colour background = { 0.035, 0.045, 0.065 }, fine = { 0.16, 0.20, 0.26 },
+			   whole = { 0.36, 0.44, 0.54 }, frame = { 0.93, 0.95, 0.97 }, quiet = { 0.60, 0.66, 0.74 },
+			   pointer = { 1.0, 0.86, 0.24 }, left_eye = { 0.28, 0.78, 1.0 },
+			   right_eye = { 1.0, 0.50, 0.30 };
 
 struct sheet { /* what all parts of the picture share */
 	cairo_t *cr;
@@ -48,7 +49,8 @@ static void line(const struct sheet *s, double x0, double y0, double x1, double 
 }
 
 /* Text with its middle at (x, y). */
-static void text(const struct sheet *s, double x, double y, double size_px, cairo_font_weight_t weight, const char *words)
+static void text(const struct sheet *s, double x, double y, double size_px, cairo_font_weight_t weight,
+		 const char *words)
 {
 	cairo_text_extents_t e;
 
@@ -145,7 +147,7 @@ static void draw_eye(const struct sheet *s, bool is_left)
 
 /* Text on a plate of background, so that no grid line runs through it. */
 static void plate(const struct sheet *s, double y, double size_px, cairo_font_weight_t weight, struct colour c,
-                  const char *words)
+		  const char *words)
 {
 	cairo_text_extents_t e;
 
@@ -155,8 +157,8 @@ static void plate(const struct sheet *s, double y, double size_px, cairo_font_we
 	/* A long id is made to fit. */
 	const double fit = fmin(1, s->width * 0.86 / fmax(1, e.width)), pad = size_px * fit * 0.35;
 	ink(s, background, 0);
-	cairo_rectangle(s->cr, s->width / 2 - e.width * fit / 2 - pad, y - size_px * fit / 2 - pad, e.width * fit + 2 * pad,
-	                size_px * fit + 2 * pad);
+	cairo_rectangle(s->cr, s->width / 2 - e.width * fit / 2 - pad, y - size_px * fit / 2 - pad,
+			e.width * fit + 2 * pad, size_px * fit + 2 * pad);
 	cairo_fill(s->cr);
 	ink(s, c, 0);
 	text(s, s->width / 2, y, size_px * fit, weight, words);
@@ -167,8 +169,8 @@ static void draw_words(const struct sheet *s, const char *screen_id)
 	char words[96];
 
 	plate(s, s->height * 0.19, 4.2 * s->unit, CAIRO_FONT_WEIGHT_BOLD, frame, screen_id);
-	snprintf(words, sizeof(words), "%.2f x %.2f m    %.0f x %.0f px    grid 10 cm", s->width_m, s->height_m, s->width,
-	         s->height);
+	snprintf(words, sizeof(words), "%.2f x %.2f m    %.0f x %.0f px    grid 10 cm", s->width_m, s->height_m,
+		 s->width, s->height);
 	plate(s, s->height * 0.19 + 4.6 * s->unit, 1.35 * s->unit, CAIRO_FONT_WEIGHT_NORMAL, quiet, words);
 	/* An arrow up: which way the picture hangs. */
 	const double x = s->width / 2, y = 2.2 * s->unit;
@@ -237,7 +239,7 @@ static void take_pixels(cairo_surface_t *surface, struct bb_image *image)
 }
 
 enum bb_status bb_calibration_draw(const struct bb_view *view, const char *screen_id, int eye_is_left,
-                                   const struct bb_vec3 *cursor, struct bb_image *image)
+				   const struct bb_vec3 *cursor, struct bb_image *image)
 {
 	if (!image->rgba)
 		return BB_ERR_USAGE;
@@ -261,7 +263,5 @@ enum bb_status bb_calibration_draw(const struct bb_view *view, const char *scree
 		take_pixels(surface, image);
 	cairo_destroy(s.cr);
 	cairo_surface_destroy(surface);
-	return status == CAIRO_STATUS_SUCCESS     ? BB_OK
-	       : status == CAIRO_STATUS_NO_MEMORY ? BB_ERR_NOMEM
-	                                          : BB_ERR_USAGE;
+	return status == CAIRO_STATUS_SUCCESS ? BB_OK : status == CAIRO_STATUS_NO_MEMORY ? BB_ERR_NOMEM : BB_ERR_USAGE;
 }

@@ -50,12 +50,11 @@ static uint8_t *rgb_of(const struct bb_image *img)
 
 /* Everything up to the bytes being on the disk. */
 static enum bb_status put_file(FILE *f, const struct bb_image *img, const uint8_t *rgb, const struct bb_where *where,
-                               struct bb_error *err)
+			       struct bb_error *err)
 {
-	png_image png = { .version = PNG_IMAGE_VERSION,
-		          .width = img->width,
-		          .height = img->height,
-		          .format = PNG_FORMAT_RGB };
+	png_image png = {
+		.version = PNG_IMAGE_VERSION, .width = img->width, .height = img->height, .format = PNG_FORMAT_RGB
+	};
 
 	if (!png_image_write_to_stdio(&png, f, 0, rgb, 0, NULL))
 		return bb_fail(err, BB_ERR_IO, 1806, where, "%s", png.message);
@@ -65,7 +64,7 @@ static enum bb_status put_file(FILE *f, const struct bb_image *img, const uint8_
 }
 
 static enum bb_status write_part(const struct bb_image *img, const uint8_t *rgb, const char *part,
-                                 const struct bb_where *where, struct bb_error *err)
+				 const struct bb_where *where, struct bb_error *err)
 {
 	const int fd = open(part, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
 	FILE *f = fd < 0 ? NULL : fdopen(fd, "wb");
@@ -97,7 +96,8 @@ enum bb_status bb_image_write_png(const struct bb_image *img, const char *path, 
 		return bb_fail(err, BB_ERR_RANGE, 1806, &where, "the path is longer than %zu bytes", sizeof(part) - 1);
 	uint8_t *rgb = rgb_of(img);
 	if (!rgb)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, &where, "%" PRIu32 "x%" PRIu32 " picture", img->width, img->height);
+		return bb_fail(err, BB_ERR_NOMEM, 1702, &where, "%" PRIu32 "x%" PRIu32 " picture", img->width,
+			       img->height);
 	st = write_part(img, rgb, part, &where, err);
 	if (st == BB_OK && rename(part, path))
 		st = bb_fail(err, BB_ERR_IO, 1806, &where, "%s", strerror(errno));
@@ -122,7 +122,7 @@ static unsigned pixel_difference(const uint8_t *a, const uint8_t *b, uint64_t *s
 }
 
 enum bb_status bb_image_compare(const struct bb_image *a, const struct bb_image *reference,
-                                struct bb_image_difference *out)
+				struct bb_image_difference *out)
 {
 	const size_t n = (size_t)a->width * a->height;
 	uint64_t squares = 0;
@@ -144,6 +144,7 @@ enum bb_status bb_image_compare(const struct bb_image *a, const struct bb_image 
 	}
 	out->identical = squares == 0;
 	if (squares) /* one wrong pixel in a huge picture must still rank below equal */
-		out->psnr_db = fmin(10 * log10(255.0 * 255.0 * 3.0 * (double)out->n_pixels / (double)squares), EQUAL_DB - 1);
+		out->psnr_db =
+			fmin(10 * log10(255.0 * 255.0 * 3.0 * (double)out->n_pixels / (double)squares), EQUAL_DB - 1);
 	return BB_OK;
 }

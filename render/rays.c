@@ -66,9 +66,9 @@ static void clip_slab(double from_m, double direction, double half_m, double *en
 struct bb_ray bb_rays_at(const struct bb_rays *rays, uint32_t column, uint32_t row)
 {
 	const struct bb_vec3 k = rays->voxels_per_m, e = rays->eye_m;
-	const struct bb_vec3 to = bb_vec3_add(bb_vec3_add(rays->corner_m,
-	                                                  bb_vec3_scale(rays->across_m, (column + 0.5) / rays->width)),
-	                                      bb_vec3_scale(rays->down_m, (row + 0.5) / rays->height));
+	const struct bb_vec3 to =
+		bb_vec3_add(bb_vec3_add(rays->corner_m, bb_vec3_scale(rays->across_m, (column + 0.5) / rays->width)),
+			    bb_vec3_scale(rays->down_m, (row + 0.5) / rays->height));
 	const struct bb_vec3 d = bb_vec3_unit(to, (struct bb_vec3){ 0, 0, -1 });
 	struct bb_ray ray = { .n = 0 };
 	double enter = 0, leave = HUGE_VAL;
@@ -82,7 +82,7 @@ struct bb_ray bb_rays_at(const struct bb_rays *rays, uint32_t column, uint32_t r
 
 	ray.n = (uint32_t)fmin(ceil((leave - enter) / rays->step_m - 0.5), 1e9);
 	ray.first = (struct bb_vec3){ at.x * k.x + rays->dim.x / 2 - 0.5, at.y * k.y + rays->dim.y / 2 - 0.5,
-		                      at.z * k.z + rays->dim.z / 2 - 0.5 };
+				      at.z * k.z + rays->dim.z / 2 - 0.5 };
 	ray.stride = (struct bb_vec3){ d.x * k.x * rays->step_m, d.y * k.y * rays->step_m, d.z * k.z * rays->step_m };
 	return ray;
 }

@@ -28,7 +28,7 @@ void bb_renderer_forget(struct bb_renderer *r)
 }
 
 enum bb_status bb_renderer_draw(struct bb_renderer *r, const struct bb_draw *draw, struct bb_image *image,
-                                struct bb_draw_stats *stats)
+				struct bb_draw_stats *stats)
 {
 	const int64_t begin_ns = bb_clock_stopwatch_ns();
 	struct bb_draw_stats own = { 0 };

@@ -13,9 +13,9 @@ struct bb_rays {
 	struct bb_vec3 corner_m;         /* from the eye to the screen's upper left corner */
 	struct bb_vec3 across_m, down_m; /* the screen's edges */
 	struct bb_vec3 voxels_per_m;
-	struct bb_vec3 dim;              /* voxels */
+	struct bb_vec3 dim; /* voxels */
 	double step_m;
-	double time;                     /* checked: 0 .. n_steps - 1 */
+	double time; /* checked: 0 .. n_steps - 1 */
 	uint32_t width, height;
 };
 
@@ -26,12 +26,12 @@ struct bb_ray {
 };
 
 BB_MUST_CHECK enum bb_status bb_rays_make(const struct bb_draw *draw, uint32_t width, uint32_t height,
-                                          struct bb_rays *out);
+					  struct bb_rays *out);
 struct bb_ray bb_rays_at(const struct bb_rays *rays, uint32_t column, uint32_t row);
 
 struct bb_renderer_ops { /* all mandatory */
 	enum bb_status (*draw)(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
-	                       struct bb_image *image, struct bb_draw_stats *stats);
+			       struct bb_image *image, struct bb_draw_stats *stats);
 	void (*forget)(struct bb_renderer *r);
 	void (*destroy)(struct bb_renderer *r);
 };

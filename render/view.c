@@ -47,8 +47,8 @@ static struct wall_frame wall_frame_of(const struct bb_view *v)
 	const struct bb_vec3 eye = bb_vec3_sub(v->eye, v->corners.lower_left);
 
 	return (struct wall_frame){ bb_vec3_dot(across, v->right), bb_vec3_dot(rise, v->up),
-		                    bb_vec3_dot(rise, v->right),   bb_vec3_dot(eye, v->right),
-		                    bb_vec3_dot(eye, v->up),       bb_vec3_dot(eye, v->normal) };
+				    bb_vec3_dot(rise, v->right),   bb_vec3_dot(eye, v->right),
+				    bb_vec3_dot(eye, v->up),       bb_vec3_dot(eye, v->normal) };
 }
 
 static void set_axes(struct bb_view *v)
@@ -85,7 +85,7 @@ static struct bb_mat4 room_to_eye(const struct bb_view *v)
 	const struct bb_vec3 x = v->right, y = v->up, z = v->normal, e = v->eye;
 
 	return (struct bb_mat4){ { x.x, y.x, z.x, 0, x.y, y.y, z.y, 0, x.z, y.z, z.z, 0, -bb_vec3_dot(x, e),
-		                   -bb_vec3_dot(y, e), -bb_vec3_dot(z, e), 1 } };
+				   -bb_vec3_dot(y, e), -bb_vec3_dot(z, e), 1 } };
 }
 
 /* The frustum through the wall's edges; near cancels out of x and y, so the wall's own distance takes its place. A wall
@@ -108,8 +108,8 @@ static struct bb_mat4 eye_to_clip(const struct bb_view *v)
 	return m;
 }
 
-struct bb_view bb_view_make(const struct bb_corners *corners, struct bb_vec3 eye, struct bb_vec3 fallback, double near_m,
-                            double far_m)
+struct bb_view bb_view_make(const struct bb_corners *corners, struct bb_vec3 eye, struct bb_vec3 fallback,
+			    double near_m, double far_m)
 {
 	struct bb_view v = { .corners = *corners };
 
@@ -160,7 +160,7 @@ void bb_view_project_float(const struct bb_view *v, struct bb_vec3 p, float ndc[
 {
 	const struct bb_vec3 q = bb_vec3_sub(p, v->eye);
 	const float at[4] = { (float)bb_vec3_dot(q, v->right), (float)bb_vec3_dot(q, v->up),
-		              (float)bb_vec3_dot(q, v->normal), 1.0F };
+			      (float)bb_vec3_dot(q, v->normal), 1.0F };
 	float clip[4];
 
 	for (int r = 0; r < 4; r++) {

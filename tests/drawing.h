@@ -21,14 +21,18 @@ static inline struct bb_volume *drawing_volume(uint32_t nx, uint32_t ny, uint32_
 
 	if (!out)
 		abort();
-	*v = (struct bb_volume){ .name = "formula", .dim = { nx, ny, nz }, .n_steps = n_steps, .most = 1, .voxels = out };
+	*v = (struct bb_volume){
+		.name = "formula", .dim = { nx, ny, nz }, .n_steps = n_steps, .most = 1, .voxels = out
+	};
 	for (uint32_t t = 0; t < n_steps; t++)
 		for (uint32_t z = 0; z < nz; z++)
 			for (uint32_t y = 0; y < ny; y++)
 				for (uint32_t x = 0; x < nx; x++) {
-					const double a = 2.0 * x / (nx - 1) - 1, b = 2.0 * y / (ny - 1) - 1, c = 2.0 * z / (nz - 1) - 1;
+					const double a = 2.0 * x / (nx - 1) - 1, b = 2.0 * y / (ny - 1) - 1,
+						     c = 2.0 * z / (nz - 1) - 1;
 					const double r = sqrt(a * a + b * b + c * c), grow = 0.15 * t;
-					const double shell = exp(-40 * (r - 0.45 - grow) * (r - 0.45 - grow)) * (0.6 + 0.4 * a * b);
+					const double shell =
+						exp(-40 * (r - 0.45 - grow) * (r - 0.45 - grow)) * (0.6 + 0.4 * a * b);
 					const double core = exp(-30 * r * r);
 					*out++ = (uint16_t)(65535 * fmin(1, 0.8 * shell + core) + 0.5);
 				}
@@ -55,9 +59,11 @@ static inline struct bb_transfer drawing_transfer(size_t n, const struct bb_tran
 
 static inline struct bb_transfer drawing_smooth(void)
 {
-	static const struct bb_transfer_point points[] = { { 0, 0.1, 0.1, 0.3, 0 },       { 0.15, 0.1, 0.3, 0.6, 0 },
-		                                           { 0.5, 0.9, 0.5, 0.1, 0.06 },  { 0.8, 1, 0.8, 0.3, 0.15 },
-		                                           { 1, 1, 1, 0.9, 0.25 } };
+	static const struct bb_transfer_point points[] = { { 0, 0.1, 0.1, 0.3, 0 },
+							   { 0.15, 0.1, 0.3, 0.6, 0 },
+							   { 0.5, 0.9, 0.5, 0.1, 0.06 },
+							   { 0.8, 1, 0.8, 0.3, 0.15 },
+							   { 1, 1, 1, 0.9, 0.25 } };
 
 	return drawing_transfer(BB_ARRAY_LEN(points), points);
 }
@@ -67,14 +73,16 @@ static inline struct bb_placement drawing_placement(const struct bb_volume *v)
 	const double k = 1.2 / v->dim[0]; /* 1.2 m wide */
 
 	return (struct bb_placement){ { { 0.1, 1.4, -0.3 }, bb_quat_euler_deg(25, 10, -5) },
-		                      { k * v->dim[0], k * v->dim[1], k * v->dim[2] } };
+				      { k * v->dim[0], k * v->dim[1], k * v->dim[2] } };
 }
 
 /* View 0: from the middle of the room, 1: off to a side and near the wall, 2: the head inside the volume. */
 static inline struct bb_view drawing_view(int i)
 {
 	static const struct bb_corners wall = { { -1.5, 0.2, -1.5 }, { 1.5, 0.2, -1.5 }, { -1.5, 2.6, -1.5 } };
-	static const struct bb_vec3 eyes[DRAWING_VIEWS] = { { 0.3, 1.6, 1.4 }, { 1.6, 2.2, 0.5 }, { 0.15, 1.45, -0.2 } };
+	static const struct bb_vec3 eyes[DRAWING_VIEWS] = { { 0.3, 1.6, 1.4 },
+							    { 1.6, 2.2, 0.5 },
+							    { 0.15, 1.45, -0.2 } };
 
 	return bb_view_make(&wall, eyes[i], eyes[0], 0.05, 50);
 }

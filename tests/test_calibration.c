@@ -137,9 +137,8 @@ static void cursor_stands_where_it_projects(void **ctx)
 
 static void a_cursor_that_is_nowhere_is_not_drawn(void **ctx)
 {
-	static const struct bb_vec3 nowhere[] = {
-		{ (double)NAN, 0, 0 }, { 0, HUGE_VAL, 0 }, { 0, 1, 3 }, { 0.2, 1.7, 0.4 }, { 40, 1, -1.5 }, { 1e300, 1e300, -1e300 }
-	};
+	static const struct bb_vec3 nowhere[] = { { (double)NAN, 0, 0 }, { 0, HUGE_VAL, 0 }, { 0, 1, 3 },
+						  { 0.2, 1.7, 0.4 },     { 40, 1, -1.5 },    { 1e300, 1e300, -1e300 } };
 	struct bb_image plain = picture(&wall, 1, NULL);
 
 	(void)ctx;
@@ -154,7 +153,8 @@ static void a_cursor_that_is_nowhere_is_not_drawn(void **ctx)
 static void odd_input_is_survived(void **ctx)
 {
 	const struct bb_corners vast = { { -9e5, 0, 0 }, { 9e5, 0, 0 }, { -9e5, 1, 0 } };
-	const struct bb_view view = bb_view_make(&wall, eye, eye, 0.05, 50), wide = bb_view_make(&vast, eye, eye, 0.05, 50);
+	const struct bb_view view = bb_view_make(&wall, eye, eye, 0.05, 50),
+			     wide = bb_view_make(&vast, eye, eye, 0.05, 50);
 	struct bb_image image;
 	char id[500];
 

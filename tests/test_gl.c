@@ -28,7 +28,7 @@ static struct {
 } fixture;
 
 static struct bb_image picture(struct bb_renderer *r, const struct bb_stream *s, int view_index, double time,
-                               double step_voxels, struct bb_draw_stats *stats)
+			       double step_voxels, struct bb_draw_stats *stats)
 {
 	const struct bb_view view = drawing_view(view_index);
 	const struct bb_draw draw = { &view, s, time, step_voxels };
@@ -40,7 +40,8 @@ static struct bb_image picture(struct bb_renderer *r, const struct bb_stream *s,
 }
 
 /* Draws with both back ends; returns how they differ. */
-static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time, double step_voxels)
+static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time,
+						    double step_voxels)
 {
 	struct bb_image_difference d;
 	struct bb_draw_stats gl, ref;
@@ -48,8 +49,8 @@ static struct bb_image_difference against_reference(const struct bb_stream *s, i
 	struct bb_image b = picture(fixture.reference, s, view, time, step_voxels, &ref);
 
 	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
-	printf("view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n", view, time,
-	       d.psnr_db, (unsigned long)d.n_pixels, d.most, (double)ref.samples * 1e3 / (double)gl.elapsed_ns,
+	printf("view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n", view,
+	       time, d.psnr_db, (unsigned long)d.n_pixels, d.most, (double)ref.samples * 1e3 / (double)gl.elapsed_ns,
 	       (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
 	bb_image_release(&a);
 	bb_image_release(&b);
@@ -101,13 +102,10 @@ static void agrees_on_noise(void **ctx)
 /* An edge of 1/200 of the range: steeper than any table of a few hundred entries could show. */
 static void agrees_on_a_sharp_transfer_function(void **ctx)
 {
-	static const struct bb_transfer_point sharp[] = { { 0, 0, 0, 1, 0 },
-		                                          { 0.4, 1, 0, 0, 0 },
-		                                          { 0.405, 1, 1, 0, 0.5 },
-		                                          { 0.41, 0, 1, 0, 0 },
-		                                          { 0.8, 0, 1, 1, 0 },
-		                                          { 0.801, 1, 1, 1, 1 },
-		                                          { 1, 1, 1, 1, 1 } };
+	static const struct bb_transfer_point sharp[] = { { 0, 0, 0, 1, 0 },       { 0.4, 1, 0, 0, 0 },
+							  { 0.405, 1, 1, 0, 0.5 }, { 0.41, 0, 1, 0, 0 },
+							  { 0.8, 0, 1, 1, 0 },     { 0.801, 1, 1, 1, 1 },
+							  { 1, 1, 1, 1, 1 } };
 	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(sharp), sharp);
 	struct bb_stream *s = drawing_stream(fixture.volume, &tf);
 
@@ -137,8 +135,9 @@ static void twice_the_samples_change_little(void **ctx)
 /* Half-way between two steps that show nothing there is something to see. */
 static void sees_between_two_invisible_steps(void **ctx)
 {
-	static const struct bb_transfer_point band[] = { { 0, 1, 1, 1, 0 }, { 0.4, 1, 1, 1, 0 }, { 0.5, 1, 1, 1, 0.1 },
-		                                         { 0.6, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0 } };
+	static const struct bb_transfer_point band[] = {
+		{ 0, 1, 1, 1, 0 }, { 0.4, 1, 1, 1, 0 }, { 0.5, 1, 1, 1, 0.1 }, { 0.6, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0 }
+	};
 	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(band), band);
 	struct bb_volume *v = drawing_volume(40, 20, 20, 2);
 	const size_t n = 40 * 20 * 20;
@@ -162,8 +161,9 @@ static void sees_between_two_invisible_steps(void **ctx)
 /* The same colours with an opacity nobody can see where there was none: no brick is empty any more. */
 static void skipping_empty_bricks_changes_nothing(void **ctx)
 {
-	static const struct bb_transfer_point points[] = { { 0, 1, 1, 1, 0 },      { 0.55, 1, 1, 1, 0 },
-		                                           { 0.7, 1, 0.6, 0, 0.2 }, { 1, 1, 1, 1, 0.4 } };
+	static const struct bb_transfer_point points[] = {
+		{ 0, 1, 1, 1, 0 }, { 0.55, 1, 1, 1, 0 }, { 0.7, 1, 0.6, 0, 0.2 }, { 1, 1, 1, 1, 0.4 }
+	};
 	const struct bb_transfer sparse = drawing_transfer(BB_ARRAY_LEN(points), points);
 	struct bb_transfer filled = sparse;
 
@@ -179,7 +179,8 @@ static void skipping_empty_bricks_changes_nothing(void **ctx)
 	assert_true(n_empty > 0);
 	for (int i = 0; i < DRAWING_VIEWS; i++) {
 		struct bb_image_difference d;
-		struct bb_image a = picture(fixture.gl, s, i, 0, 0.5, NULL), b = picture(fixture.gl, f, i, 0, 0.5, NULL);
+		struct bb_image a = picture(fixture.gl, s, i, 0, 0.5, NULL),
+				b = picture(fixture.gl, f, i, 0, 0.5, NULL);
 		assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
 		assert_int_equal(d.n_differ, 0);
 		bb_image_release(&a);
@@ -193,10 +194,10 @@ static void skipping_empty_bricks_changes_nothing(void **ctx)
 static void only_what_changed_is_sent(void **ctx)
 {
 	const struct bb_stream_config config = { .volume = fixture.volume,
-		                                 .transfer = &fixture.transfer,
-		                                 .placement = drawing_placement(fixture.volume),
-		                                 .memory_bytes = 40 * BB_BRICK_BYTES,
-		                                 .bricks_per_frame = 3 };
+						 .transfer = &fixture.transfer,
+						 .placement = drawing_placement(fixture.volume),
+						 .memory_bytes = 40 * BB_BRICK_BYTES,
+						 .bricks_per_frame = 3 };
 	const struct bb_view view = drawing_view(0);
 	const uint64_t map_bytes = 5 * 4 * 3 * 8;
 	struct bb_stream *s = NULL;
@@ -226,10 +227,10 @@ static void only_what_changed_is_sent(void **ctx)
 static void the_picture_grows_sharp_with_streaming(void **ctx)
 {
 	const struct bb_stream_config config = { .volume = fixture.volume,
-		                                 .transfer = &fixture.transfer,
-		                                 .placement = drawing_placement(fixture.volume),
-		                                 .memory_bytes = 400 * BB_BRICK_BYTES,
-		                                 .bricks_per_frame = 4 };
+						 .transfer = &fixture.transfer,
+						 .placement = drawing_placement(fixture.volume),
+						 .memory_bytes = 400 * BB_BRICK_BYTES,
+						 .bricks_per_frame = 4 };
 	const struct bb_view view = drawing_view(0);
 	struct bb_stream *s = NULL;
 	struct bb_stream_counts n = { .missing = 1 };
@@ -254,16 +255,17 @@ static void coarse_bricks_sit_in_the_right_place(void **ctx)
 {
 	struct bb_volume *v = drawing_volume(64, 64, 64, 3);
 	const struct bb_stream_config config = { .volume = v,
-		                                 .transfer = &fixture.transfer,
-		                                 .placement = drawing_placement(v),
-		                                 .memory_bytes = BB_BRICK_BYTES };
+						 .transfer = &fixture.transfer,
+						 .placement = drawing_placement(v),
+						 .memory_bytes = BB_BRICK_BYTES };
 	static const double scale[] = { 120, 330, 60 };
 	struct bb_stream *s = NULL;
 
 	(void)ctx;
 	need_gl();
 	for (uint32_t i = 0; i < 3 * 64 * 64 * 64; i++)
-		v->voxels[i] = (uint16_t)(20000 + scale[i >> 18] * ((i & 63) + (i >> 6 & 63) / 2.0 + (i >> 12 & 63) / 3.0));
+		v->voxels[i] =
+			(uint16_t)(20000 + scale[i >> 18] * ((i & 63) + (i >> 6 & 63) / 2.0 + (i >> 12 & 63) / 3.0));
 	assert_int_equal(bb_stream_create(&config, &s), BB_OK);
 	for (int i = 0; i < 4; i++)
 		assert_true(against_reference(s, 0, 0.3 + 0.5 * i, 1).psnr_db >= 48);
@@ -388,7 +390,8 @@ static int draw_by_egl(uint8_t *out)
 
 static void make_egl_pictures(void)
 {
-	uint8_t *shared = mmap(NULL, DRAWING_VIEWS * PICTURE_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+	uint8_t *shared =
+		mmap(NULL, DRAWING_VIEWS * PICTURE_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
 	int status = -1;
 
 	if (shared == MAP_FAILED)

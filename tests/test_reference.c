@@ -16,7 +16,7 @@
 #define HEIGHT 72
 
 static void picture(const struct bb_stream *s, const struct bb_view *view, double time, double step_voxels,
-                    unsigned threads, struct bb_image *image, struct bb_draw_stats *stats)
+		    unsigned threads, struct bb_image *image, struct bb_draw_stats *stats)
 {
 	const struct bb_draw draw = { view, s, time, step_voxels };
 	struct bb_renderer *r = NULL;
@@ -57,8 +57,8 @@ static void a_uniform_slab_has_its_closed_form(void **ctx)
 	const struct bb_transfer tf = drawing_transfer(2, grey);
 	struct bb_volume *v = drawing_volume(32, 32, 32, 1);
 	const struct bb_stream_config config = { .volume = v,
-		                                 .transfer = &tf,
-		                                 .placement = { { { 0, 1, -1 }, BB_QUAT_IDENTITY }, { 1, 1, 1 } } };
+						 .transfer = &tf,
+						 .placement = { { { 0, 1, -1 }, BB_QUAT_IDENTITY }, { 1, 1, 1 } } };
 	const struct bb_corners wall = { { -1e-3, 1 - 1e-3, -2 }, { 1e-3, 1 - 1e-3, -2 }, { -1e-3, 1 + 1e-3, -2 } };
 	const struct bb_view view = bb_view_make(&wall, (struct bb_vec3){ 0, 1, 3 }, wall.lower_left, 0.05, 50);
 	const double alpha = 1 - pow(0.96, 32);
@@ -97,7 +97,7 @@ static void a_lone_voxel_is_where_it_is_projected(void **ctx)
 	struct bb_stream *s = drawing_stream(v, &tf);
 	const struct bb_placement p = drawing_placement(v);
 	const struct bb_vec3 at = { (3.5 / 20 - 0.5) * p.size_m.x, (13.5 / 18 - 0.5) * p.size_m.y,
-		                    (12.5 / 16 - 0.5) * p.size_m.z };
+				    (12.5 / 16 - 0.5) * p.size_m.z };
 	const struct bb_view view = drawing_view(0);
 	double ndc[3], w, x = 0, y = 0, mass = 0;
 	bb_view_project(&view, bb_pose_apply(&p.pose, at), ndc, &w);
@@ -142,7 +142,8 @@ static void twice_the_samples_change_little(void **ctx)
 
 static void bad_calls_are_refused(void **ctx)
 {
-	static const double steps[][2] = { { -0.1, 1 }, { 1.01, 1 }, { (double)NAN, 1 }, { 0, 0 }, { 0, (double)NAN }, { 0, 1e9 }, { 0, -1 } };
+	static const double steps[][2] = { { -0.1, 1 },        { 1.01, 1 }, { (double)NAN, 1 }, { 0, 0 },
+					   { 0, (double)NAN }, { 0, 1e9 },  { 0, -1 } };
 	struct bb_volume *v = drawing_volume(20, 18, 16, 2);
 	const struct bb_transfer tf = drawing_smooth();
 	struct bb_stream *s = drawing_stream(v, &tf);

@@ -27,7 +27,8 @@ static double uniform(double lo, double hi)
 /* A wall of a box room of up to 10 m anywhere near the origin, turned by any angle about Y, and sometimes leaning. */
 static struct bb_corners random_wall(double *width_m, double *height_m, double *room_m)
 {
-	const struct bb_quat turn = bb_quat_euler_deg(uniform(-180, 180), uniform(0, 1) < 0.5 ? 0 : uniform(-90, 90), 0);
+	const struct bb_quat turn =
+		bb_quat_euler_deg(uniform(-180, 180), uniform(0, 1) < 0.5 ? 0 : uniform(-90, 90), 0);
 	const struct bb_vec3 at = { uniform(-10, 10), uniform(-3, 3), uniform(-10, 10) };
 
 	*width_m = uniform(1, 10);
@@ -46,7 +47,7 @@ static struct bb_vec3 inside(const struct bb_corners *c, double u, double v, dou
 	const struct bb_vec3 n = bb_vec3_unit(bb_vec3_cross(across, rise), (struct bb_vec3){ 0, 0, 1 });
 
 	return bb_vec3_add(bb_vec3_add(c->lower_left, bb_vec3_scale(n, distance_m)),
-	                   bb_vec3_add(bb_vec3_scale(across, u), bb_vec3_scale(rise, v)));
+			   bb_vec3_add(bb_vec3_scale(across, u), bb_vec3_scale(rise, v)));
 }
 
 static double worst_by_matrix(const struct bb_view *v, struct bb_vec3 p, double x, double y)
@@ -60,7 +61,7 @@ static double worst_by_matrix(const struct bb_view *v, struct bb_vec3 p, double 
 }
 
 static void check_corners(const struct bb_view *v, const struct bb_corners *c, double *worst, double *worst_float,
-                          double *worst_matrix)
+			  double *worst_matrix)
 {
 	const struct bb_vec3 upper_right = bb_vec3_add(c->lower_right, bb_vec3_sub(c->upper_left, c->lower_left));
 	const struct bb_vec3 p[4] = { c->lower_left, c->lower_right, c->upper_left, upper_right };
@@ -72,8 +73,8 @@ static void check_corners(const struct bb_view *v, const struct bb_corners *c, d
 		bb_view_project(v, p[i], ndc, &w);
 		bb_view_project_float(v, p[i], near_ndc, &near_w);
 		*worst = fmax(*worst, fmax(fabs(ndc[0] - x[i]), fabs(ndc[1] - y[i])));
-		*worst_float = fmax(*worst_float,
-		                    fmax(fabs((double)near_ndc[0] - x[i]), fabs((double)near_ndc[1] - y[i])));
+		*worst_float =
+			fmax(*worst_float, fmax(fabs((double)near_ndc[0] - x[i]), fabs((double)near_ndc[1] - y[i])));
 		*worst_matrix = fmax(*worst_matrix, worst_by_matrix(v, p[i], x[i], y[i]));
 	}
 }
@@ -91,8 +92,8 @@ static void corners_map_to_one(void **ctx)
 		assert_int_equal(v.flags, 0);
 		check_corners(&v, &c, &worst, &worst_float, &worst_matrix);
 	}
-	printf("%d heads: corners off by %.3g (double), %.3g (matrix product), %.3g (float)\n", N_HEADS, worst, worst_matrix,
-	       worst_float);
+	printf("%d heads: corners off by %.3g (double), %.3g (matrix product), %.3g (float)\n", N_HEADS, worst,
+	       worst_matrix, worst_float);
 	assert_true(worst <= 1e-12);
 	assert_true(worst_matrix <= 1e-12);
 	assert_true(worst_float <= 1e-5);
@@ -108,12 +109,14 @@ static void tile_corners_map_to_one(void **ctx)
 		double width_m, height_m, room_m;
 		const struct bb_corners wall = random_wall(&width_m, &height_m, &room_m);
 		const double u = uniform(0, 0.9), s = uniform(0, 0.9);
-		const struct bb_corners c = { inside(&wall, u, s, 0), inside(&wall, u + 0.06, s, 0), inside(&wall, u, s + 0.1, 0) };
+		const struct bb_corners c = { inside(&wall, u, s, 0), inside(&wall, u + 0.06, s, 0),
+					      inside(&wall, u, s + 0.1, 0) };
 		const struct bb_vec3 eye = inside(&wall, uniform(0, 1), uniform(0, 1), uniform(0.2, room_m));
 		const struct bb_view v = bb_view_make(&c, eye, eye, NEAR_M, FAR_M);
 		check_corners(&v, &c, &worst, &worst_float, &worst_matrix);
 	}
-	printf("tiles: corners off by %.3g (double), %.3g (matrix product), %.3g (float)\n", worst, worst_matrix, worst_float);
+	printf("tiles: corners off by %.3g (double), %.3g (matrix product), %.3g (float)\n", worst, worst_matrix,
+	       worst_float);
 	assert_true(worst <= 1e-12);
 	assert_true(worst_float <= 1e-5);
 }
@@ -158,7 +161,8 @@ static void near_and_far_are_the_ends_of_depth(void **ctx)
 static void a_leaning_wall_keeps_its_corners(void **ctx)
 {
 	const struct bb_corners c = { { -1, 0, -2 }, { 1, 0.01, -2 }, { -0.97, 2, -2.03 } };
-	const struct bb_view v = bb_view_make(&c, (struct bb_vec3){ 0.3, 1.7, 0.4 }, (struct bb_vec3){ 0, 0, 0 }, 0.1, 10);
+	const struct bb_view v =
+		bb_view_make(&c, (struct bb_vec3){ 0.3, 1.7, 0.4 }, (struct bb_vec3){ 0, 0, 0 }, 0.1, 10);
 	double worst = 0, worst_float = 0, worst_matrix = 0;
 
 	(void)ctx;
@@ -173,7 +177,8 @@ static double parallax(const struct bb_corners *c, const struct bb_pose *head, s
 	double ndc_left[3], ndc_right[3], w;
 
 	bb_view_eyes(head, 0.065, &left, &right);
-	const struct bb_view l = bb_view_make(c, left, left, NEAR_M, FAR_M), r = bb_view_make(c, right, right, NEAR_M, FAR_M);
+	const struct bb_view l = bb_view_make(c, left, left, NEAR_M, FAR_M),
+			     r = bb_view_make(c, right, right, NEAR_M, FAR_M);
 	bb_view_project(&l, p, ndc_left, &w);
 	bb_view_project(&r, p, ndc_right, &w);
 	return ndc_right[0] - ndc_left[0];
@@ -188,14 +193,16 @@ static void parallax_has_the_right_sign(void **ctx)
 	for (int i = 0; i < 1000; i++) {
 		const double u = uniform(0, 1), s = uniform(0, 1);
 		assert_true(fabs(parallax(&c, &head, inside(&c, u, s, 0))) < 1e-12);
-		assert_true(parallax(&c, &head, inside(&c, u, s, 0.5)) < -1e-3); /* in front: crossed, the right eye's image left */
+		assert_true(parallax(&c, &head, inside(&c, u, s, 0.5)) <
+			    -1e-3); /* in front: crossed, the right eye's image left */
 		assert_true(parallax(&c, &head, inside(&c, u, s, -1)) > 1e-3);
 	}
 }
 
 static void eyes_lie_on_the_heads_own_axis(void **ctx)
 {
-	const struct bb_pose head = { { 1, 1.7, 2 }, bb_quat_euler_deg(90, 0, 0) }; /* looks along -X: its right is -Z */
+	const struct bb_pose head = { { 1, 1.7, 2 },
+				      bb_quat_euler_deg(90, 0, 0) }; /* looks along -X: its right is -Z */
 	struct bb_vec3 left, right;
 
 	(void)ctx;
@@ -242,7 +249,11 @@ static void lost_heads_are_held(void **ctx)
 {
 	const struct bb_corners c = { { -1.5, 0, -1.5 }, { 1.5, 0, -1.5 }, { -1.5, 2.4, -1.5 } };
 	const struct bb_vec3 neutral = { 0, 1.7, 0 };
-	const struct bb_vec3 bad[] = { { (double)NAN, 0, 0 }, { 0, HUGE_VAL, 0 }, { 0, 0, -HUGE_VAL }, { 1e300, 0, 0 }, { (double)NAN, (double)NAN, (double)NAN } };
+	const struct bb_vec3 bad[] = { { (double)NAN, 0, 0 },
+				       { 0, HUGE_VAL, 0 },
+				       { 0, 0, -HUGE_VAL },
+				       { 1e300, 0, 0 },
+				       { (double)NAN, (double)NAN, (double)NAN } };
 
 	(void)ctx;
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++) {
@@ -259,13 +270,13 @@ static void degenerate_corners_never_make_nan(void **ctx)
 {
 	const struct bb_vec3 o = { 1, 2, 3 }, x = { 2, 2, 3 }, n = { (double)NAN, 0, 0 }, eye = { 1, 2, 5 };
 	const struct bb_corners bad[] = { { o, o, o },
-		                          { o, x, o },
-		                          { o, o, x },
-		                          { o, x, { 3, 2, 3 } },
-		                          { n, x, o },
-		                          { o, n, x },
-		                          { o, x, { 1, HUGE_VAL, 3 } },
-		                          { o, { 1 + 1e-200, 2, 3 }, { 1, 2 + 1e-200, 3 } } };
+					  { o, x, o },
+					  { o, o, x },
+					  { o, x, { 3, 2, 3 } },
+					  { n, x, o },
+					  { o, n, x },
+					  { o, x, { 1, HUGE_VAL, 3 } },
+					  { o, { 1 + 1e-200, 2, 3 }, { 1, 2 + 1e-200, 3 } } };
 
 	(void)ctx;
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++) {

@@ -61,7 +61,7 @@ static void draw_pixel(struct share *sh, uint32_t column, uint32_t row)
 
 	for (i = 0; i < ray.n && 1 - sum[3] >= OPAQUE; i++) {
 		const double at[3] = { ray.first.x + i * ray.stride.x, ray.first.y + i * ray.stride.y,
-			               ray.first.z + i * ray.stride.z };
+				       ray.first.z + i * ray.stride.z };
 		add_sample(sh, at, sum);
 	}
 	sh->n_rays += ray.n > 0;
@@ -81,17 +81,15 @@ static void *draw_share(void *arg)
 }
 
 static enum bb_status reference_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
-                                     struct bb_image *image, struct bb_draw_stats *stats)
+				     struct bb_image *image, struct bb_draw_stats *stats)
 {
 	const struct reference *ref = bb_container_of(r, struct reference, base);
 	struct share shares[THREADS_MOST];
 
 	for (unsigned t = 0; t < ref->threads; t++) {
-		shares[t] = (struct share){ .draw = draw,
-			                    .rays = rays,
-			                    .image = image,
-			                    .first_row = t,
-			                    .row_stride = ref->threads };
+		shares[t] = (struct share){
+			.draw = draw, .rays = rays, .image = image, .first_row = t, .row_stride = ref->threads
+		};
 		/* The last share is the caller's own; so is one whose thread the system refuses. */
 		if (t + 1 < ref->threads)
 			shares[t].started = pthread_create(&shares[t].thread, NULL, draw_share, &shares[t]) == 0;
@@ -133,8 +131,8 @@ enum bb_status bb_renderer_reference_create(unsigned threads, struct bb_renderer
 		return BB_ERR_NOMEM;
 	ref->base.ops = &reference_ops;
 	ref->threads = threads;
-	snprintf(ref->base.description, sizeof(ref->base.description), "reference, double precision, %u thread%s", threads,
-	         threads == 1 ? "" : "s");
+	snprintf(ref->base.description, sizeof(ref->base.description), "reference, double precision, %u thread%s",
+		 threads, threads == 1 ? "" : "s");
 	*out = &ref->base;
 	return BB_OK;
 }

@@ -11,10 +11,12 @@
 #include "render/gl/context.h"
 #include "render/gl/textures.h"
 
-#define UNIFORMS(X)                                                                                                   \
-	X(u_pixel) X(u_corner) X(u_across) X(u_down) X(u_eye) X(u_voxels_per_m) X(u_dim) X(u_step_m) X(u_mix)         \
-	X(u_grid) X(u_texel) X(u_coarse_scale) X(u_coarse_offset) X(u_table) X(u_slots) X(u_atlas) X(u_coarse_0)      \
-	X(u_coarse_1) X(u_transfer)
+/* clang-format off */
+#define UNIFORMS(X)                                                                                            \
+	X(u_pixel) X(u_corner) X(u_across) X(u_down) X(u_eye) X(u_voxels_per_m) X(u_dim) X(u_step_m) X(u_mix)  \
+	X(u_grid) X(u_texel) X(u_coarse_scale) X(u_coarse_offset) X(u_table) X(u_slots) X(u_atlas)             \
+	X(u_coarse_0) X(u_coarse_1) X(u_transfer)
+/* clang-format on */
 
 struct program {
 	GLuint name;
@@ -29,10 +31,11 @@ struct caster {
 	struct bb_gl_textures textures;
 	struct program program[2]; /* for one step on show, and for two */
 	GLuint vertex_array, framebuffer, colour;
-	uint32_t width, height;    /* of the framebuffer */
+	uint32_t width, height; /* of the framebuffer */
 };
 
-static GLuint build_shader(const struct bb_gl *gl, GLenum type, const char *head, const char *body, struct bb_error *err)
+static GLuint build_shader(const struct bb_gl *gl, GLenum type, const char *head, const char *body,
+			   struct bb_error *err)
 {
 	const char *const parts[] = { head, body };
 	const GLuint shader = gl->CreateShader(type);
@@ -90,7 +93,8 @@ static enum bb_status fit_framebuffer(struct caster *c, uint32_t width, uint32_t
 		return BB_OK;
 	gl->GetIntegerv(GL_MAX_RENDERBUFFER_SIZE, &most);
 	if (width > (uint32_t)most || height > (uint32_t)most)
-		return bb_fail(err, BB_ERR_RANGE, 1805, NULL, "%ux%u pixels, the driver ends at %d", width, height, most);
+		return bb_fail(err, BB_ERR_RANGE, 1805, NULL, "%ux%u pixels, the driver ends at %d", width, height,
+			       most);
 	c->width = c->height = 0;
 	gl->BindRenderbuffer(GL_RENDERBUFFER, c->colour);
 	gl->RenderbufferStorage(GL_RENDERBUFFER, GL_RGBA8, (GLsizei)width, (GLsizei)height);
@@ -124,7 +128,7 @@ static void put_rays(const struct bb_gl *gl, const struct program *p, const stru
 
 /* Coarse voxel c is the mean of the voxels 4c .. 4c + 3, so that its centre lies at 4c + 1.5. */
 static void put_atlas(const struct bb_gl *gl, const struct program *p, const struct bb_gl_textures *t,
-                      const struct bb_atlas *atlas, double time)
+		      const struct bb_atlas *atlas, double time)
 {
 	const uint32_t *n = t->slots_across, *g = atlas->grid, *cd = atlas->coarse_dim;
 	const double stored = BB_BRICK_STORED, f = BB_COARSE_FACTOR, shift = 0.5 - (f - 1) / 2 / f;
@@ -145,7 +149,7 @@ static void put_atlas(const struct bb_gl *gl, const struct program *p, const str
 }
 
 static enum bb_status caster_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
-                                  struct bb_image *image, struct bb_draw_stats *stats)
+				  struct bb_image *image, struct bb_draw_stats *stats)
 {
 	struct caster *c = bb_container_of(r, struct caster, base);
 	const struct bb_gl *gl = &c->context.gl;
@@ -210,7 +214,7 @@ static void describe(struct caster *c)
 	const GLubyte *device = gl->GetString(GL_RENDERER), *version = gl->GetString(GL_VERSION);
 
 	snprintf(c->base.description, sizeof(c->base.description), "%.80s, OpenGL %.60s, %s",
-	         device ? (const char *)device : "?", version ? (const char *)version : "?", c->context.kind->name);
+		 device ? (const char *)device : "?", version ? (const char *)version : "?", c->context.kind->name);
 }
 
 static enum bb_status caster_open(struct caster *c, const char *kind, struct bb_error *err)

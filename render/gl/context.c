@@ -48,13 +48,14 @@ static enum bb_status pick(const char *name, struct bb_gl_context *out, struct b
 		if (other && any)
 			continue;
 		if (other)
-			return bb_fail(err, BB_ERR_BUSY, 1803, NULL, "%s is asked for, %s is loaded", name, other->name);
+			return bb_fail(err, BB_ERR_BUSY, 1803, NULL, "%s is asked for, %s is loaded", name,
+				       other->name);
 		if (load(kinds[i], out))
 			return BB_OK;
 	}
 	if (!known)
-		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "no such OpenGL kind: \"%.40s\"; there are osmesa, egl, auto",
-		               name);
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL,
+			       "no such OpenGL kind: \"%.40s\"; there are osmesa, egl, auto", name);
 	return bb_fail(err, BB_ERR_UNSUPPORTED, 1801, NULL, "kind %s", name);
 }
 
@@ -76,7 +77,8 @@ static enum bb_status check_version(struct bb_gl_context *c, struct bb_error *er
 	c->gl.GetIntegerv(GL_MAJOR_VERSION, &major);
 	c->gl.GetIntegerv(GL_MINOR_VERSION, &minor);
 	if (major * 10 + minor < 33)
-		return bb_fail(err, BB_ERR_UNSUPPORTED, 1802, NULL, "%s gives OpenGL %d.%d", c->kind->name, major, minor);
+		return bb_fail(err, BB_ERR_UNSUPPORTED, 1802, NULL, "%s gives OpenGL %d.%d", c->kind->name, major,
+			       minor);
 	return BB_OK;
 }
 
@@ -88,11 +90,12 @@ enum bb_status bb_gl_context_open(const char *kind, struct bb_gl_context *out, s
 		return st;
 	st = out->kind->open(out, err);
 	if (st == BB_OK && !out->kind->make_current(out))
-		st = bb_fail(err, BB_ERR_UNSUPPORTED, 1802, NULL, "%s: the context cannot be made current", out->kind->name);
+		st = bb_fail(err, BB_ERR_UNSUPPORTED, 1802, NULL, "%s: the context cannot be made current",
+			     out->kind->name);
 	if (st == BB_OK) {
 		const char *missing = bb_gl_load(&out->gl, out->kind->get, out);
 		st = missing ? bb_fail(err, BB_ERR_UNSUPPORTED, 1802, NULL, "%s has no %s", out->kind->name, missing)
-		             : check_version(out, err);
+			     : check_version(out, err);
 	}
 	if (st != BB_OK)
 		bb_gl_context_close(out);

@@ -1,7 +1,7 @@
 /*
  * render/gl/context.h: an offscreen OpenGL 3.3 core context without a window system. The library behind it is looked
- * for at run time, so that a machine with only one of them works. Both bring their own copy of the same dispatch tables:
- * a process uses one kind (1803 for the other). One thread at a time, which calls make_current before it draws.
+ * for at run time, so that a machine with only one of them works. Both bring their own copy of the same dispatch
+ * tables: a process uses one kind (1803 for the other). One thread at a time, which calls make_current before it draws.
  */
 #ifndef BB_RENDER_GL_CONTEXT_H
 #define BB_RENDER_GL_CONTEXT_H
@@ -11,7 +11,7 @@
 
 struct bb_gl_context;
 
-struct bb_gl_kind { /* what a kind of context fills in */
+struct bb_gl_kind {          /* what a kind of context fills in */
 	const char *name;    /* "osmesa" */
 	const char *library; /* "libOSMesa.so.8" */
 	enum bb_status (*open)(struct bb_gl_context *c, struct bb_error *err);
@@ -36,6 +36,6 @@ void bb_gl_context_close(struct bb_gl_context *c); /* closed or zero is allowed 
 
 /* For the kinds: a function of their library, 1802 when it is missing. */
 BB_MUST_CHECK enum bb_status bb_gl_symbol(const struct bb_gl_context *c, const char *name, bb_gl_function *out,
-                                          struct bb_error *err);
+					  struct bb_error *err);
 
 #endif

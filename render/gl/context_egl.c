@@ -9,14 +9,14 @@
 
 #include "render/gl/context.h"
 
-#define EGL_SYMBOLS(X)                                                         \
-	X(PFNEGLGETPROCADDRESSPROC, eglGetProcAddress)                         \
-	X(PFNEGLINITIALIZEPROC, eglInitialize)                                 \
-	X(PFNEGLBINDAPIPROC, eglBindAPI)                                       \
-	X(PFNEGLCHOOSECONFIGPROC, eglChooseConfig)                             \
-	X(PFNEGLCREATECONTEXTPROC, eglCreateContext)                           \
-	X(PFNEGLDESTROYCONTEXTPROC, eglDestroyContext)                         \
-	X(PFNEGLMAKECURRENTPROC, eglMakeCurrent)                               \
+#define EGL_SYMBOLS(X)                                 \
+	X(PFNEGLGETPROCADDRESSPROC, eglGetProcAddress) \
+	X(PFNEGLINITIALIZEPROC, eglInitialize)         \
+	X(PFNEGLBINDAPIPROC, eglBindAPI)               \
+	X(PFNEGLCHOOSECONFIGPROC, eglChooseConfig)     \
+	X(PFNEGLCREATECONTEXTPROC, eglCreateContext)   \
+	X(PFNEGLDESTROYCONTEXTPROC, eglDestroyContext) \
+	X(PFNEGLMAKECURRENTPROC, eglMakeCurrent)       \
 	X(PFNEGLGETERRORPROC, eglGetError)
 
 struct egl {
@@ -31,9 +31,9 @@ static enum bb_status load_symbols(const struct bb_gl_context *c, struct egl *e,
 {
 	bb_gl_function f;
 
-#define X(type, name)                                                                                                 \
-	if (bb_gl_symbol(c, #name, &f, err) != BB_OK)                                                                 \
-		return BB_ERR_UNSUPPORTED;                                                                            \
+#define X(type, name)                                 \
+	if (bb_gl_symbol(c, #name, &f, err) != BB_OK) \
+		return BB_ERR_UNSUPPORTED;            \
 	e->name = (type)f;
 	EGL_SYMBOLS(X)
 #undef X
@@ -64,14 +64,15 @@ static enum bb_status open_display(struct egl *e, struct bb_error *err)
 
 static enum bb_status open_context(struct egl *e, struct bb_error *err)
 {
-	static const EGLint config_attributes[] = { EGL_SURFACE_TYPE, 0, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT, EGL_NONE };
+	static const EGLint config_attributes[] = { EGL_SURFACE_TYPE, 0, EGL_RENDERABLE_TYPE, EGL_OPENGL_BIT,
+						    EGL_NONE };
 	static const EGLint attributes[] = { EGL_CONTEXT_MAJOR_VERSION,
-		                             3,
-		                             EGL_CONTEXT_MINOR_VERSION,
-		                             3,
-		                             EGL_CONTEXT_OPENGL_PROFILE_MASK,
-		                             EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
-		                             EGL_NONE };
+					     3,
+					     EGL_CONTEXT_MINOR_VERSION,
+					     3,
+					     EGL_CONTEXT_OPENGL_PROFILE_MASK,
+					     EGL_CONTEXT_OPENGL_CORE_PROFILE_BIT,
+					     EGL_NONE };
 	EGLConfig config = NULL;
 	EGLint n = 0;
 

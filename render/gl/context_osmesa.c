@@ -24,11 +24,19 @@ struct osmesa {
 
 static enum bb_status osmesa_open(struct bb_gl_context *c, struct bb_error *err)
 {
-	static const int attributes[] = { OSMESA_FORMAT, OSMESA_RGBA, OSMESA_DEPTH_BITS, 0, OSMESA_PROFILE,
-		                          OSMESA_CORE_PROFILE, OSMESA_CONTEXT_MAJOR_VERSION, 3,
-		                          OSMESA_CONTEXT_MINOR_VERSION, 3, 0 };
+	static const int attributes[] = { OSMESA_FORMAT,
+					  OSMESA_RGBA,
+					  OSMESA_DEPTH_BITS,
+					  0,
+					  OSMESA_PROFILE,
+					  OSMESA_CORE_PROFILE,
+					  OSMESA_CONTEXT_MAJOR_VERSION,
+					  3,
+					  OSMESA_CONTEXT_MINOR_VERSION,
+					  3,
+					  0 };
 	static const char *const names[] = { "OSMesaCreateContextAttribs", "OSMesaDestroyContext", "OSMesaMakeCurrent",
-		                             "OSMesaGetProcAddress" };
+					     "OSMesaGetProcAddress" };
 	bb_gl_function f[BB_ARRAY_LEN(names)];
 	struct osmesa *o = calloc(1, sizeof(*o));
 

@@ -1,9 +1,10 @@
 /*
- * render/gl/textures.c: keeps the GL copy of an atlas. Only what changed is sent: slots by their generation, the slot map
- * when it differs, a coarse step when time moves on, the table when the transfer function or the step length changes.
+ * render/gl/textures.c: keeps the GL copy of an atlas. Only what changed is sent: slots by their generation, the slot
+ * map when it differs, a coarse step when time moves on, the table when the transfer function or the step length
+ * changes.
  *
- * Units: even steps live in one coarse texture and odd ones in the other, so that a pair of neighbours is always on hand
- * and moving on by one step sends one of them.
+ * Units: even steps live in one coarse texture and odd ones in the other, so that a pair of neighbours is always on
+ * hand and moving on by one step sends one of them.
  */
 #include "render/gl/textures.h"
 
@@ -68,7 +69,7 @@ static bool lay_out(struct bb_gl_textures *t, uint32_t n_slots)
 }
 
 static enum bb_status adopt(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_draw *draw,
-                            struct bb_error *err)
+			    struct bb_error *err)
 {
 	const struct bb_atlas *atlas = bb_stream_atlas(draw->stream);
 	const size_t n_cells = cells_of(atlas);
@@ -79,19 +80,19 @@ static enum bb_status adopt(struct bb_gl_textures *t, const struct bb_gl *gl, co
 	t->transfer = NULL;
 	t->map_valid = false;
 	t->coarse_step[0] = t->coarse_step[1] = NO_STEP;
-	t->seen = malloc((atlas->n_slots + (size_t)1) * sizeof(*t->seen));
-	t->map = malloc(n_cells * 2 * sizeof(*t->map));
+	t->seen = calloc(atlas->n_slots + (size_t)1, sizeof(*t->seen));
+	t->map = calloc(n_cells, 2 * sizeof(*t->map));
 	if (!t->seen || !t->map)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "maps of %zu bricks", n_cells);
 	memset(t->seen, 0xFF, atlas->n_slots * sizeof(*t->seen)); /* no generation is that old */
 	t->generation = UINT64_MAX;
 	if (!lay_out(t, atlas->n_slots))
 		return bb_fail(err, BB_ERR_RANGE, 1805, NULL, "%" PRIu32 " bricks, textures end at %d", atlas->n_slots,
-		               t->max_3d);
+			       t->max_3d);
 	bind(gl, t, BB_GL_ATLAS);
 	gl->TexImage3D(GL_TEXTURE_3D, 0, GL_R16, (GLsizei)t->slots_across[0] * BB_BRICK_STORED,
-	               (GLsizei)t->slots_across[1] * BB_BRICK_STORED, (GLsizei)t->slots_across[2] * BB_BRICK_STORED, 0,
-	               GL_RED, GL_UNSIGNED_SHORT, NULL);
+		       (GLsizei)t->slots_across[1] * BB_BRICK_STORED, (GLsizei)t->slots_across[2] * BB_BRICK_STORED, 0,
+		       GL_RED, GL_UNSIGNED_SHORT, NULL);
 	t->stream = draw->stream;
 	return BB_OK;
 }
@@ -117,8 +118,8 @@ static uint64_t send_slots(struct bb_gl_textures *t, const struct bb_gl *gl, con
 			continue;
 		slot_place(t, s, at);
 		gl->TexSubImage3D(GL_TEXTURE_3D, 0, (GLint)at[0] * BB_BRICK_STORED, (GLint)at[1] * BB_BRICK_STORED,
-		                  (GLint)at[2] * BB_BRICK_STORED, BB_BRICK_STORED, BB_BRICK_STORED, BB_BRICK_STORED, GL_RED,
-		                  GL_UNSIGNED_SHORT, atlas->bricks + s * voxels);
+				  (GLint)at[2] * BB_BRICK_STORED, BB_BRICK_STORED, BB_BRICK_STORED, BB_BRICK_STORED,
+				  GL_RED, GL_UNSIGNED_SHORT, atlas->bricks + s * voxels);
 		t->seen[s] = atlas->slot_generation[s];
 		bytes += BB_BRICK_BYTES;
 	}
@@ -158,7 +159,7 @@ static int32_t packed(const struct bb_gl_textures *t, int32_t slot)
 }
 
 static uint64_t send_map(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_atlas *atlas,
-                         const struct pair *p)
+			 const struct pair *p)
 {
 	const size_t n_cells = cells_of(atlas);
 	bool changed = !t->map_valid;
@@ -175,14 +176,14 @@ static uint64_t send_map(struct bb_gl_textures *t, const struct bb_gl *gl, const
 	if (!changed)
 		return 0;
 	bind(gl, t, BB_GL_SLOTS);
-	gl->TexImage3D(GL_TEXTURE_3D, 0, GL_RG32I, (GLsizei)atlas->grid[0], (GLsizei)atlas->grid[1], (GLsizei)atlas->grid[2],
-	               0, GL_RG_INTEGER, GL_INT, t->map);
+	gl->TexImage3D(GL_TEXTURE_3D, 0, GL_RG32I, (GLsizei)atlas->grid[0], (GLsizei)atlas->grid[1],
+		       (GLsizei)atlas->grid[2], 0, GL_RG_INTEGER, GL_INT, t->map);
 	t->map_valid = true;
 	return n_cells * 2 * sizeof(*t->map);
 }
 
 static uint64_t send_coarse(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_atlas *atlas,
-                            const struct pair *p)
+			    const struct pair *p)
 {
 	const uint32_t *dim = atlas->coarse_dim;
 	const size_t voxels = (size_t)dim[0] * dim[1] * dim[2];
@@ -194,7 +195,7 @@ static uint64_t send_coarse(struct bb_gl_textures *t, const struct bb_gl *gl, co
 			continue;
 		bind(gl, t, half ? BB_GL_COARSE_ODD : BB_GL_COARSE_EVEN);
 		gl->TexImage3D(GL_TEXTURE_3D, 0, GL_R16, (GLsizei)dim[0], (GLsizei)dim[1], (GLsizei)dim[2], 0, GL_RED,
-		               GL_UNSIGNED_SHORT, atlas->coarse + step * voxels);
+			       GL_UNSIGNED_SHORT, atlas->coarse + step * voxels);
 		t->coarse_step[half] = step;
 		bytes += voxels * sizeof(*atlas->coarse);
 	}
@@ -203,7 +204,7 @@ static uint64_t send_coarse(struct bb_gl_textures *t, const struct bb_gl *gl, co
 
 /* Premultiplied and corrected for the step, so that the shader adds up what it reads. */
 static uint64_t send_table(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_draw *draw,
-                           const struct bb_transfer *tf, struct bb_error *err)
+			   const struct bb_transfer *tf, struct bb_error *err)
 {
 	if (t->transfer == tf && t->step_voxels == draw->step_voxels)
 		return 0;
@@ -229,7 +230,7 @@ static uint64_t send_table(struct bb_gl_textures *t, const struct bb_gl *gl, con
 }
 
 enum bb_status bb_gl_textures_update(struct bb_gl_textures *t, const struct bb_gl *gl, const struct bb_draw *draw,
-                                     uint64_t *upload_bytes, struct bb_error *err)
+				     uint64_t *upload_bytes, struct bb_error *err)
 {
 	const struct bb_atlas *atlas = bb_stream_atlas(draw->stream);
 	const struct bb_transfer *tf = bb_stream_config(draw->stream)->transfer;
