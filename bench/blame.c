@@ -251,7 +251,7 @@ static bool blame_spender(const struct blame *m, struct spender *out)
 	free(weight);
 	out->node = best / columns;
 	out->stage = (enum bb_stage)(best % columns);
-	return true;
+	return out->worst != NULL;
 }
 
 static double span_ms(const struct bb_ledger *l, uint64_t frame, enum bb_stage stage, size_t node, size_t n_nodes)
@@ -301,9 +301,10 @@ static void tell_incident(const struct blame *m, const struct bb_incident *in, s
 	bb_text_number(value, sizeof(value), m->worst->value);
 	bb_text_number(limit, sizeof(limit), m->limit);
 	bb_text_format(b->culprit, sizeof(b->culprit), "%s", in->culprit);
-	bb_text_format(b->cause, sizeof(b->cause), "%.40s%s %s since %.3f s (%.60s): %s %s at %.3f s (%s %s), %zu frame%s",
-	         in->culprit, more, in->state, (double)in->from_ns * 1e-9, in->what, value, info->unit,
-	         scene_s(m, m->worst->at_ns), m->mark, limit, m->n_frames, m->n_frames == 1 ? "" : "s");
+	bb_text_format(b->cause, sizeof(b->cause),
+	               "%.40s%s %s since %.3f s (%.60s): %s %s at %.3f s (%s %s), %zu frame%s", in->culprit, more,
+	               in->state, (double)in->from_ns * 1e-9, in->what, value, info->unit, scene_s(m, m->worst->at_ns),
+	               m->mark, limit, m->n_frames, m->n_frames == 1 ? "" : "s");
 	b->cause_ns = m->worst->at_ns - m->scene_start_ns;
 }
 
@@ -312,8 +313,9 @@ static void tell_spender(const struct blame *m, const struct spender *s, struct 
 	const struct bb_metric_info *info = bb_metric_info(b->budget.metric);
 	const size_t n_nodes = m->r->room->n_nodes;
 	/* What follows the flip takes the time it takes: its span says nothing about the miss. */
-	const double ms = s->stage <= BB_STAGE_PRESENT ? span_ms(m->r->ledger, s->worst->frame, s->stage, s->node, n_nodes)
-	                                            : BB_UNKNOWN;
+	const double ms = s->stage <= BB_STAGE_PRESENT
+	                          ? span_ms(m->r->ledger, s->worst->frame, s->stage, s->node, n_nodes)
+	                          : BB_UNKNOWN;
 	char value[32], limit[32], took[32], what[120];
 
 	name_spender(m->r->room, s, b->culprit, sizeof(b->culprit));
@@ -323,8 +325,8 @@ static void tell_spender(const struct blame *m, const struct spender *s, struct 
 	if (!isnan(ms) && b->budget.metric == BB_METRIC_FRAME)
 		bb_text_format(what, sizeof(what), "%s took %s ms", bb_stage_text(s->stage), took);
 	else if (!isnan(ms))
-		bb_text_format(what, sizeof(what), "%s took %s ms, %s %s %s", bb_stage_text(s->stage), took, info->name, value,
-		         info->unit);
+		bb_text_format(what, sizeof(what), "%s took %s ms, %s %s %s", bb_stage_text(s->stage), took, info->name,
+		               value, info->unit);
 	else
 		bb_text_format(what, sizeof(what), "%s %s %s", info->name, value, info->unit);
 	bb_text_format(b->cause, sizeof(b->cause), "%s %s at %.3f s (%s %s %s), %zu frame%s", b->culprit, what,

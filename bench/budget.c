@@ -108,9 +108,10 @@ static void judge_value(const struct bb_run_result *r, struct bb_budget_result *
 		bb_blame_device(r, b);
 	} else if (distance < SIGMAS * b->uncertainty) {
 		b->verdict = BB_INCONCLUSIVE;
-		bb_text_format(b->cause, sizeof(b->cause), "the uncertainty (2 sigma: %s %s) is larger than the distance to the limit (%s)",
-		         bb_text_number(number[0], sizeof(number[0]), SIGMAS * b->uncertainty), bb_metric_info(metric)->unit,
-		         bb_text_number(number[1], sizeof(number[1]), distance));
+		bb_text_format(b->cause, sizeof(b->cause),
+		               "the uncertainty (2 sigma: %s %s) is larger than the distance to the limit (%s)",
+		               bb_text_number(number[0], sizeof(number[0]), SIGMAS * b->uncertainty),
+		               bb_metric_info(metric)->unit, bb_text_number(number[1], sizeof(number[1]), distance));
 	} else if (bb_budget_beyond(metric, b->value, b->budget.limit)) {
 		b->verdict = BB_FAIL;
 		if (metric == BB_METRIC_DEVICES)
@@ -143,7 +144,9 @@ static void judge_one(const struct bb_run_result *r, struct bb_budget_result *b)
 
 static int severity(enum bb_verdict v)
 {
-	static const int rank[] = { [BB_SKIP] = 0, [BB_PASS] = 1, [BB_MARGINAL] = 2, [BB_INCONCLUSIVE] = 3, [BB_FAIL] = 4 };
+	static const int rank[] = {
+		[BB_SKIP] = 0, [BB_PASS] = 1, [BB_MARGINAL] = 2, [BB_INCONCLUSIVE] = 3, [BB_FAIL] = 4
+	};
 
 	return rank[v];
 }
@@ -173,15 +176,17 @@ static void sum_up(struct bb_run_result *r)
 	const size_t cap = sizeof(r->summary);
 
 	if (r->verdict == BB_PASS)
-		bb_text_format(out, cap, "PASS: all %zu budgets hold over %.3g s%s", r->n_budgets - skipped, r->duration_s,
-		         skipped ? "; the skipped ones say why" : "");
+		bb_text_format(out, cap, "PASS: all %zu budgets hold over %.3g s%s", r->n_budgets - skipped,
+		               r->duration_s, skipped ? "; the skipped ones say why" : "");
 	else if (r->verdict == BB_SKIP)
 		bb_text_format(out, cap, "SKIP: nothing could be judged");
 	else if (b)
 		bb_text_format(out, cap, "%s: %zu of %zu budgets %s; %s %s: %.160s", bb_verdict_text(r->verdict), n,
-		         r->n_budgets - skipped,
-		         r->verdict == BB_FAIL ? "missed" : r->verdict == BB_MARGINAL ? "beyond the marginal mark" : "undecided",
-		         bb_metric_info(b->budget.metric)->name, bb_stat_text(b->budget.stat), b->cause);
+		               r->n_budgets - skipped,
+		               r->verdict == BB_FAIL       ? "missed"
+		               : r->verdict == BB_MARGINAL ? "beyond the marginal mark"
+		                                           : "undecided",
+		               bb_metric_info(b->budget.metric)->name, bb_stat_text(b->budget.stat), b->cause);
 	else
 		bb_text_format(out, cap, "%s: interrupted after %.3g s", bb_verdict_text(r->verdict), r->duration_s);
 }

@@ -126,7 +126,8 @@ static enum bb_status no_such_option(const struct bb_command *c, const char *nam
 	for (const struct bb_cli_option *o = c->options; o && o->name; o++)
 		nearer(bare, o->name, &best, &distance);
 	if (best)
-		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: no option --%s; did you mean --%s?", c->name, bare, best);
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: no option --%s; did you mean --%s?", c->name, bare,
+		               best);
 	return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: no option --%s", c->name, bare);
 }
 
@@ -184,8 +185,8 @@ static enum bb_status check_count(const struct bb_cli *cli, struct bb_error *err
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: %d of %d arguments are there; usage: %s %s", c->name,
 		               cli->n_args, c->least_args, c->name, c->usage);
 	if (cli->n_args > c->most_args)
-		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: '%.60s' is one argument too many; usage: %s %s", c->name,
-		               cli->arg[c->most_args], c->name, c->usage);
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%s: '%.60s' is one argument too many; usage: %s %s",
+		               c->name, cli->arg[c->most_args], c->name, c->usage);
 	return BB_OK;
 }
 
@@ -275,7 +276,8 @@ enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double 
 	if (*end || !isfinite(v))
 		return bb_fail(err, BB_ERR_USAGE, 1704, NULL, "--%s '%.40s'", name, text);
 	if (v < least || v > most)
-		return bb_fail(err, BB_ERR_USAGE, 1704, NULL, "--%s %.40s is not within %g .. %g", name, text, least, most);
+		return bb_fail(err, BB_ERR_USAGE, 1704, NULL, "--%s %.40s is not within %g .. %g", name, text, least,
+		               most);
 	*out = v;
 	return BB_OK;
 }
@@ -330,8 +332,9 @@ static void help_all(const struct bb_command *const *commands, FILE *out)
 	for (; *commands; commands++)
 		fprintf(out, "  %-14s %s\n", (*commands)->name, (*commands)->line);
 	fprintf(out, "  %-14s %s\n", "help", "this page, or `help COMMAND`");
-	fprintf(out, "\nexit codes: 0 ok, 1 a check or budget failed, 2 usage or configuration, 3 internal, 4 device lost,\n"
-	             "            5 no baseline, 6 inconclusive, 77 skipped\n");
+	fprintf(out,
+	        "\nexit codes: 0 ok, 1 a check or budget failed, 2 usage or configuration, 3 internal, 4 device lost,\n"
+	        "            5 no baseline, 6 inconclusive, 77 skipped\n");
 }
 
 static void help_options(const struct bb_cli_option *o, FILE *out)

@@ -102,8 +102,9 @@ static enum bb_status run_all(const struct bb_cli *cli, json_t *file, struct bb_
 
 static int print_json(const json_t *o, int code)
 {
-	return json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) || fputc('\n', stdout) == EOF ? BB_EXIT_INTERNAL
-	                                                                                                     : code;
+	return json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(6)) || fputc('\n', stdout) == EOF
+	               ? BB_EXIT_INTERNAL
+	               : code;
 }
 
 /* The scenarios that were not asked for this time are not missing: they are left out of the baseline, too. */
@@ -170,7 +171,7 @@ static int bench_run(const struct bb_cli *cli)
 const struct bb_command bb_cmd_bench = {
 	.name = "bench",
 	.line = "run the fixed scenarios on the virtual clock; store their numbers or compare with a baseline",
-	.usage = "[--out FILE] [--baseline FILE] [--only NAME] [--json]",
+	.usage = "[--out FILE] [--baseline FILE] [--only NAME] [--pictures FOLDER] [--json]",
 	.options = options,
 	.least_args = 0,
 	.most_args = 0,

@@ -124,6 +124,17 @@ static bool agree(const struct point *p)
 	return p[0].run.result->verdict == p[1].run.result->verdict;
 }
 
+/* Budgets that only the higher fidelity can judge: an equal verdict says nothing about those. */
+static size_t judged_only_high(const struct point *p)
+{
+	const struct bb_run_result *a = p[0].run.result, *b = p[1].run.result;
+	size_t n = 0;
+
+	for (size_t i = 0; i < a->n_budgets && i < b->n_budgets; i++)
+		n += a->budgets[i].verdict == BB_SKIP && b->budgets[i].verdict != BB_SKIP;
+	return n;
+}
+
 /* ---- output ---- */
 
 static void print_row(const char *name, uint64_t a, uint64_t b)
@@ -176,6 +187,8 @@ static void print_table(const struct point *p, enum bb_class c)
 	else
 		printf("\nthe verdicts differ: this scene needs %s at fidelity 1", class_name);
 	printf(", %s times the CPU time\n", bb_text_number(number, sizeof(number), ratio(p[1].cpu_ms, p[0].cpu_ms)));
+	if (judged_only_high(p))
+		printf("%zu of the budgets can be judged at fidelity 1 only\n", judged_only_high(p));
 }
 
 static json_t *real(double v)
@@ -222,6 +235,7 @@ static int print_json(const struct point *p, enum bb_class c)
 		json_array_append_new(points, point_json(&p[i], i));
 	json_object_set_new(o, "points", points);
 	json_object_set_new(o, "same_verdict", json_boolean(agree(p)));
+	json_object_set_new(o, "judged_only_at_1", json_integer((json_int_t)judged_only_high(p)));
 	json_object_set_new(o, "events_ratio", real(total_events_ratio(p)));
 	json_object_set_new(o, "cpu_ratio", real(ratio(p[1].cpu_ms, p[0].cpu_ms)));
 	bad = json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) || fputc('\n', stdout) == EOF;

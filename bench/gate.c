@@ -131,7 +131,8 @@ void bb_gate_file_add(json_t *file, const char *scenario, const struct bb_run_re
 {
 	for (size_t i = 0; i < r->n_facts; i++)
 		if (!ends_with(r->facts[i].key, "_sha256"))
-			json_object_set_new(json_object_get(file, "facts"), r->facts[i].key, json_string(r->facts[i].value));
+			json_object_set_new(json_object_get(file, "facts"), r->facts[i].key,
+			                    json_string(r->facts[i].value));
 	json_object_set_new(json_object_get(file, "scenarios"), scenario, bb_gate_section(r));
 }
 
@@ -255,9 +256,11 @@ enum direction { NEUTRAL, COST, QUALITY };
 /* By the words of a name. What is not known to be a cost or a gain must not change without a reason. */
 static enum direction direction_of(const char *name)
 {
-	static const char *const costs[] = { "bytes", "bricks", "rays", "samples", "uploads", "events", "ops", "steps", "wanted",
-		"missing", "dropped", "late", "torn", "swaps", "swapped", "old", "clamped", "lost", "retries", "evicted",
-		"evictions", "timeouts", "loaded", "streamed", "messages", "misses", "ns" };
+	static const char *const costs[] = { "bytes",    "bricks",  "rays",      "samples",  "uploads", "events",
+		                             "ops",      "steps",   "wanted",    "missing",  "dropped", "late",
+		                             "torn",     "swaps",   "swapped",   "old",      "clamped", "lost",
+		                             "retries",  "evicted", "evictions", "timeouts", "loaded",  "streamed",
+		                             "messages", "misses",  "ns" };
 	static const char *const gains[] = { "hits", "udb", "resident" };
 	char copy[128], *save = NULL;
 
@@ -308,7 +311,10 @@ static void compare_value(struct bb_gate_report *out, const char *scenario, cons
 	if (base && now && dir != NEUTRAL)
 		outcome = (n > b) == (dir == COST) ? BB_GATE_REGRESSED : BB_GATE_IMPROVED;
 	l = add_line(out, scenario, name, outcome,
-	             !base ? "not in the baseline" : !now ? "no longer counted" : dir == NEUTRAL ? "must not change" : "");
+	             !base            ? "not in the baseline"
+	             : !now           ? "no longer counted"
+	             : dir == NEUTRAL ? "must not change"
+	                              : "");
 	if (!l)
 		return;
 	bb_text_format(l->base, sizeof(l->base), base ? "%lld" : "-", b);
@@ -449,9 +455,15 @@ void bb_gate_print(const struct bb_gate_report *report, FILE *out, bool colour)
 	for (size_t i = 0; i < report->n_lines; i++) {
 		const struct bb_gate_line *l = &report->line[i];
 		char percent[24] = "";
+		if (l->outcome == BB_GATE_INCOMPARABLE) {
+			fprintf(out, "%s%s: %s%s%s: %s%s%s\n", i ? "\n" : "", l->scenario, tint(l->outcome, colour),
+			        bb_gate_text(l->outcome), colour ? "\033[0m" : "", l->name, l->name[0] ? ": " : "",
+			        l->reason);
+			continue;
+		}
 		if (!scenario || strcmp(scenario, l->scenario))
-			fprintf(out, "%s%s\n  %-34s %16s %16s %9s  %s\n", i ? "\n" : "", l->scenario, "value", "baseline", "now",
-			        "change", "verdict");
+			fprintf(out, "%s%s\n  %-34s %16s %16s %9s  %s\n", i ? "\n" : "", l->scenario, "value",
+			        "baseline", "now", "change", "verdict");
 		scenario = l->scenario;
 		if (!isnan(l->percent))
 			bb_text_format(percent, sizeof(percent), "%+.3g %%", l->percent);
@@ -462,8 +474,8 @@ void bb_gate_print(const struct bb_gate_report *report, FILE *out, bool colour)
 	if (report->n_unlisted)
 		fprintf(out, "  ... and %zu more\n", report->n_unlisted);
 	fprintf(out, "%s%s%s%s: %zu values compared, %zu differ\n", report->n_lines ? "\n" : "",
-	        tint(report->outcome, colour), bb_gate_text(report->outcome), colour ? "\033[0m" : "", report->n_compared,
-	        report->n_lines + report->n_unlisted);
+	        tint(report->outcome, colour), bb_gate_text(report->outcome), colour ? "\033[0m" : "",
+	        report->n_compared, report->n_lines + report->n_unlisted);
 }
 
 json_t *bb_gate_report_json(const struct bb_gate_report *report)

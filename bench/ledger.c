@@ -216,7 +216,7 @@ struct bb_summary bb_ledger_stage(const struct bb_ledger *l, enum bb_stage stage
 			all.worst = t->worst;
 		bb_tally_merge(&all.tally, &t->tally);
 	}
-	for (size_t i = 0; i < l->n_spans; i++) {
+	for (size_t i = 0; all.tally.n && i < l->n_spans; i++) {
 		const struct bb_span *s = &l->span[i];
 		if (s->stage == stage && (node == ALL_NODES || node == s->node))
 			l->scratch[n++] = (double)(s->end_ns - s->start_ns) * 1e-6;

@@ -108,8 +108,10 @@ static void put_banner(FILE *f, const struct bb_run_result *r)
 	fputs("</div></div>\n", f);
 	put_keys(f, r);
 	if (bb_ledger_dropped(r->ledger))
-		fprintf(f, "<p class=\"lead small\">%llu records did not fit into the ledger: minima, maxima and means are "
-		           "exact, percentiles speak for the rest.</p>\n",
+		fprintf(f,
+		        "<p class=\"lead small\">%llu records did not fit into the ledger: minima, maxima and means "
+		        "are "
+		        "exact, percentiles speak for the rest.</p>\n",
 		        (unsigned long long)bb_ledger_dropped(r->ledger));
 }
 
@@ -173,7 +175,8 @@ static void put_page(FILE *f, const struct bb_run_result *r, const char *dir, co
 	bb_plot_series(f, r);
 	end(f);
 	put_room(f, room_svg);
-	begin(f, "pictures", "Pictures", "Left and right eye of each wall, with PSNR against full resolution where it was measured.");
+	begin(f, "pictures", "Pictures",
+	      "Left and right eye of each wall, with PSNR against full resolution where it was measured.");
 	bb_report_pictures(f, r, dir);
 	end(f);
 	begin(f, "devices", "Devices", NULL);
@@ -189,7 +192,8 @@ static void put_page(FILE *f, const struct bb_run_result *r, const char *dir, co
 	begin(f, "versions", "Versions and facts", NULL);
 	bb_report_facts(f, r);
 	end(f);
-	fputs("<footer>Derived from result.json of the same folder, which is the master. Times count from the start of the "
+	fputs("<footer>Derived from result.json of the same folder, which is the master. Times count from the start of "
+	      "the "
 	      "scene.</footer>\n</body>\n</html>\n",
 	      f);
 }

@@ -74,7 +74,8 @@ static void put_text(FILE *f, double x, double y, const char *anchor, const char
 
 static void put_line(FILE *f, double x1, double y1, double x2, double y2, const char *stroke, const char *more)
 {
-	fprintf(f, "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\"%s/>", x1, y1, x2, y2, stroke, more);
+	fprintf(f, "<line x1=\"%.1f\" y1=\"%.1f\" x2=\"%.1f\" y2=\"%.1f\" stroke=\"%s\"%s/>", x1, y1, x2, y2, stroke,
+	        more);
 }
 
 static const char *tick_text(char *out, size_t cap, double v)
@@ -164,7 +165,10 @@ static void put_marker(FILE *f, const struct axes *a, double v, const char *name
 	put_line(f, x_of(a, v), label_y + 4, x_of(a, v), a->bottom + 1, colour,
 	         dashed ? " stroke-width=\"1.4\" stroke-dasharray=\"5 3\"" : " stroke-width=\"1.2\"");
 	bb_text_format(text, sizeof(text), "%s %s", name, bb_text_number(number, sizeof(number), v));
-	put_label(f, x_of(a, v), label_y, x_of(a, v) > a->right - 60 ? "end" : x_of(a, v) < a->left + 60 ? "start" : "middle",
+	put_label(f, x_of(a, v), label_y,
+	          x_of(a, v) > a->right - 60  ? "end"
+	          : x_of(a, v) < a->left + 60 ? "start"
+	                                      : "middle",
 	          colour, text);
 }
 
@@ -323,7 +327,8 @@ static size_t reduce(const struct bb_frame_row *row, size_t n, enum row_value wh
 
 	memset(column, 0, COLUMNS * sizeof(*column));
 	for (size_t i = 0; i < n; i++) {
-		const double v = row_value(&row[i], which), at = ((double)row[i].start_ns - low) / (high - low) * COLUMNS;
+		const double v = row_value(&row[i], which),
+			     at = ((double)row[i].start_ns - low) / (high - low) * COLUMNS;
 		struct column *c = &column[at <= 0 ? 0 : at >= COLUMNS ? COLUMNS - 1 : (size_t)at];
 		if (!isfinite(v))
 			continue;
@@ -363,7 +368,9 @@ static void put_bands(FILE *f, const struct bb_run_result *r, const struct axes 
 		const double x1 = fmax(x_of(a, (double)in->from_ns * 1e-9), a->left), x2 = fmin(x_of(a, to_s), a->right);
 		if (x2 <= x1)
 			continue;
-		fprintf(f, "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"" LIMIT "\" opacity=\"0.09\"><title>",
+		fprintf(f,
+		        "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\" fill=\"" LIMIT
+		        "\" opacity=\"0.09\"><title>",
 		        x1, a->top, fmax(x2 - x1, 1), a->bottom - a->top);
 		bb_put_markupf(f, "%s %s: %s", in->culprit, in->state, in->what);
 		fputs("</title></rect>", f);
@@ -386,8 +393,8 @@ static void put_limit(FILE *f, const struct axes *a, const struct bb_budget_resu
 
 	if (!b)
 		return;
-	bb_text_format(text, sizeof(text), "%s limit %s %s%s", bb_stat_text(b->budget.stat), bb_text_number(number, sizeof(number), limit), unit,
-	               limit > a->y_high ? " (off scale)" : "");
+	bb_text_format(text, sizeof(text), "%s limit %s %s%s", bb_stat_text(b->budget.stat),
+	               bb_text_number(number, sizeof(number), limit), unit, limit > a->y_high ? " (off scale)" : "");
 	if (limit <= a->y_high) {
 		put_line(f, a->left, y, a->right, y, LIMIT, " stroke-width=\"1.2\" stroke-dasharray=\"5 3\"");
 		if (a->y_low < 0 && -limit >= a->y_low)

@@ -140,7 +140,8 @@ static void put_incidents(FILE *f, const struct bb_run_result *r)
 
 static void put_faults(FILE *f, const struct bb_run_result *r)
 {
-	fputs("<h3>Planted faults</h3><table><thead><tr><th>Fault</th><th class=\"n\">Set</th><th class=\"n\">Noticed</th>"
+	fputs("<h3>Planted faults</h3><table><thead><tr><th>Fault</th><th class=\"n\">Set</th><th "
+	      "class=\"n\">Noticed</th>"
 	      "<th class=\"n\">After</th><th>By</th></tr></thead><tbody>\n",
 	      f);
 	for (size_t i = 0; i < r->n_faults; i++) {
@@ -252,7 +253,8 @@ static bool is_ill(const struct bb_device_result *d)
 static void device_head(FILE *f)
 {
 	fputs("<table><thead><tr><th>Device</th><th>Back end</th><th class=\"n\">Fidelity</th><th>At the end</th>"
-	      "<th class=\"n\">Not OK, s</th><th class=\"n\">Events</th><th class=\"n\">Calls</th><th>Note</th></tr></thead>"
+	      "<th class=\"n\">Not OK, s</th><th class=\"n\">Events</th><th "
+	      "class=\"n\">Calls</th><th>Note</th></tr></thead>"
 	      "<tbody>\n",
 	      f);
 }
@@ -312,7 +314,8 @@ static bool seen_before(const struct bb_run_result *r, size_t i)
 
 static void put_classes(FILE *f, const struct bb_run_result *r)
 {
-	fputs("<table><thead><tr><th>Class</th><th class=\"n\">Devices</th><th class=\"n\">In use</th><th class=\"n\">Not OK "
+	fputs("<table><thead><tr><th>Class</th><th class=\"n\">Devices</th><th class=\"n\">In use</th><th "
+	      "class=\"n\">Not OK "
 	      "at some time</th><th class=\"n\">Events</th><th class=\"n\">Calls</th></tr></thead><tbody>\n",
 	      f);
 	for (size_t i = 0; i < r->n_devices; i++)
@@ -400,7 +403,8 @@ static void put_room_configuration(FILE *f, const struct bb_run_result *r)
 	pair(f, "Cameras", "%zu", m->n_cameras);
 	pair(f, "Monitors", "%zu", m->n_monitors);
 	if (m->has_chain)
-		pair(f, "Shutter chain", "%lld stages at %.4g Hz", (long long)m->chain.n_stages, bb_rate_hz(m->chain.rate));
+		pair(f, "Shutter chain", "%lld stages at %.4g Hz", (long long)m->chain.n_stages,
+		     bb_rate_hz(m->chain.rate));
 	pair(f, "devices_ok", "at most %.3g s not OK", m->degraded_max_s);
 	fputs("</tbody></table>\n", f);
 }
@@ -413,8 +417,8 @@ static void put_needs(FILE *f, const struct bb_scene *s)
 	text[0] = '\0';
 	for (int c = 0; c < BB_CLASS_COUNT; c++)
 		if (s->needs[c] != BB_NOT_NEEDED) {
-			bb_text_format(text + n, sizeof(text) - n, "%s%s %d", n ? ", " : "", bb_class_text((enum bb_class)c),
-			               s->needs[c]);
+			bb_text_format(text + n, sizeof(text) - n, "%s%s %d", n ? ", " : "",
+			               bb_class_text((enum bb_class)c), s->needs[c]);
 			n = strlen(text);
 		}
 	pair(f, "Needs, at fidelity", "%s", n ? text : "nothing");
@@ -480,7 +484,8 @@ static bool put_image(FILE *f, const char *dir, const struct bb_picture_result *
 	size_t n = 0;
 
 	bb_text_format(path, sizeof(path), "%s/%s", dir, p->file);
-	if (!plain_name(p->file) || bb_file_read(path, *left < PICTURE_MOST ? *left : PICTURE_MOST, &bytes, &n, NULL) != BB_OK)
+	if (!plain_name(p->file) ||
+	    bb_file_read(path, *left < PICTURE_MOST ? *left : PICTURE_MOST, &bytes, &n, NULL) != BB_OK)
 		return false;
 	if (n < 8 || memcmp(bytes, signature, 8)) {
 		free(bytes);
@@ -558,7 +563,8 @@ void bb_report_pictures(FILE *f, const struct bb_run_result *r, const char *dir)
 		if (wall_shown(r, i))
 			continue;
 		if (!i || !same_time(&r->pictures[i - 1], &r->pictures[i]))
-			fprintf(f, "%s<h3>At %.3f s</h3>\n<div class=\"walls\">\n", i ? "</div>" : "", r->pictures[i].at_s);
+			fprintf(f, "%s<h3>At %.3f s</h3>\n<div class=\"walls\">\n", i ? "</div>" : "",
+			        r->pictures[i].at_s);
 		put_wall(f, r, i, dir, &left);
 	}
 	fputs("</div>\n", f);

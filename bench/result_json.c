@@ -132,7 +132,8 @@ static json_t *devices_json(const struct bb_run_result *r)
 		json_object_set_new(o, "class", text(d->class_name));
 		json_object_set_new(o, "id", text(d->id));
 		json_object_set_new(o, "backend", text(d->backend));
-		json_object_set_new(o, "fidelity", d->fidelity == BB_NOT_NEEDED ? json_null() : json_integer(d->fidelity));
+		json_object_set_new(o, "fidelity",
+		                    d->fidelity == BB_NOT_NEEDED ? json_null() : json_integer(d->fidelity));
 		json_object_set_new(o, "health", text(d->health));
 		json_object_set_new(o, "longest_bad_s", number(d->longest_bad_s));
 		json_object_set_new(o, "bad_s", number(d->bad_s));

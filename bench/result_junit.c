@@ -39,9 +39,10 @@ static void put_case(FILE *f, const struct bb_run_result *r, const struct bb_bud
 		fprintf(f, " line=\"%d\"", b->budget.where.line);
 	}
 	fputs(">\n", f);
-	bb_text_format(message, sizeof(message), "%s %s, limit %s %s%s%s", bb_text_number(value, sizeof(value), b->value),
-	               info->unit, bb_text_number(limit, sizeof(limit), b->budget.limit), info->unit,
-	               b->cause[0] ? ": " : "", b->cause);
+	bb_text_format(message, sizeof(message), "%s %s, limit %s %s%s%s",
+	               bb_text_number(value, sizeof(value), b->value), info->unit,
+	               bb_text_number(limit, sizeof(limit), b->budget.limit), info->unit, b->cause[0] ? ": " : "",
+	               b->cause);
 	if (b->verdict == BB_FAIL)
 		put_element(f, "failure", b->culprit, message);
 	else if (b->verdict == BB_INCONCLUSIVE)

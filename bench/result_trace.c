@@ -52,7 +52,8 @@ static void put_name(struct trace *t, const char *kind, int pid, int tid, const 
 
 	fprintf(t->f, ",\n{\"ph\":\"M\",\"name\":\"%s_name\",\"pid\":%d,\"tid\":%d,\"args\":{\"name\":", kind, pid, tid);
 	bb_put_json(t->f, name);
-	fprintf(t->f, "}},\n{\"ph\":\"M\",\"name\":\"%s_sort_index\",\"pid\":%d,\"tid\":%d,\"args\":{\"sort_index\":%d}}",
+	fprintf(t->f,
+	        "}},\n{\"ph\":\"M\",\"name\":\"%s_sort_index\",\"pid\":%d,\"tid\":%d,\"args\":{\"sort_index\":%d}}",
 	        kind, pid, process ? 0 : tid, sort);
 }
 
@@ -106,7 +107,8 @@ static void put_span(struct trace *t, const struct bb_span *s)
 		return;
 	}
 	if (l->n > had) {
-		bb_text_format(name, sizeof(name), lane ? "%s %d" : "%s", bb_stage_text((enum bb_stage)s->stage), lane + 1);
+		bb_text_format(name, sizeof(name), lane ? "%s %d" : "%s", bb_stage_text((enum bb_stage)s->stage),
+		               lane + 1);
 		put_name(t, "thread", pid, tid, name, tid);
 	}
 	fprintf(t->f, ",\n{\"ph\":\"X\",\"name\":\"%s\",\"pid\":%d,\"tid\":%d,\"ts\":",
@@ -139,8 +141,10 @@ static enum bb_status put_spans(struct trace *t)
 
 /* ---- marks ---- */
 
-static const char *const track_text[BB_TRACK_KIND_COUNT] = { [BB_TRACK_VSYNC] = "vsync", [BB_TRACK_SHUTTER] = "shutter",
-	                                                     [BB_TRACK_STROBE] = "strobe", [BB_TRACK_BARRIER] = "barrier" };
+static const char *const track_text[BB_TRACK_KIND_COUNT] = { [BB_TRACK_VSYNC] = "vsync",
+	                                                     [BB_TRACK_SHUTTER] = "shutter",
+	                                                     [BB_TRACK_STROBE] = "strobe",
+	                                                     [BB_TRACK_BARRIER] = "barrier" };
 
 static const char *track_member(const struct bb_room *room, const struct bb_mark *m)
 {

@@ -67,8 +67,15 @@ double bb_stats_nearest_rank(const double *sorted, size_t n, double p)
 
 struct bb_summary bb_stats_summary(const struct bb_tally *t, double *stored, size_t n)
 {
-	struct bb_summary s = { .n = t->n, .min = BB_UNKNOWN, .p50 = BB_UNKNOWN, .p99 = BB_UNKNOWN, .max = BB_UNKNOWN, .mean = BB_UNKNOWN, .rms = BB_UNKNOWN,
-		                .max_abs = BB_UNKNOWN, .uncertainty = BB_UNKNOWN };
+	struct bb_summary s = { .n = t->n,
+		                .min = BB_UNKNOWN,
+		                .p50 = BB_UNKNOWN,
+		                .p99 = BB_UNKNOWN,
+		                .max = BB_UNKNOWN,
+		                .mean = BB_UNKNOWN,
+		                .rms = BB_UNKNOWN,
+		                .max_abs = BB_UNKNOWN,
+		                .uncertainty = BB_UNKNOWN };
 
 	s.worst.stage = BB_STAGE_COUNT;
 	s.worst.node = UINT16_MAX;

@@ -186,7 +186,9 @@ static inline void fixture_frame(struct fixture *x, const struct fixture_options
 	const bool covered = o->faults && frame >= 600 && frame < 840;
 	const int64_t age = 6000000 + (int64_t)(fixture_uniform(x) * 8000000);
 	const int64_t exposed = start - age - 4200000;
-	struct bb_frame_row row = { .frame = frame, .start_ns = start, .cameras = covered ? 7 : 8, .late_node = UINT32_MAX };
+	struct bb_frame_row row = {
+		.frame = frame, .start_ns = start, .cameras = covered ? 7 : 8, .late_node = UINT32_MAX
+	};
 	int64_t ready[5], last = 0;
 	size_t slow = 0;
 
@@ -218,7 +220,8 @@ static inline void fixture_frame(struct fixture *x, const struct fixture_options
 	row.bytes = (uint64_t)row.bricks_loaded * 8192;
 	if (row.frame_ms > 16)
 		row.late_node = (uint32_t)slow;
-	fixture_sample(x, BB_METRIC_HEAD_TO_PHOTON, row.head_to_photon_ms, 0.05, frame, start, (uint16_t)slow, BB_STAGE_DRAW);
+	fixture_sample(x, BB_METRIC_HEAD_TO_PHOTON, row.head_to_photon_ms, 0.05, frame, start, (uint16_t)slow,
+	               BB_STAGE_DRAW);
 	fixture_sample(x, BB_METRIC_SWAP_SKEW, row.swap_skew_us, 0.5, frame, last, (uint16_t)slow, BB_STAGE_COUNT);
 	fixture_sample(x, BB_METRIC_SCANOUT_SKEW, row.scanout_skew_us, 20, frame, last, 0xFFFF, BB_STAGE_COUNT);
 	fixture_sample(x, BB_METRIC_PHASE, row.phase_us, 1, frame, last, 0xFFFF, BB_STAGE_SHUTTER);

@@ -40,7 +40,8 @@ static struct rig rig_create(enum bb_metric metric, enum bb_stat stat, double li
 
 static void add(struct rig *g, double value, double sigma, uint64_t frame, uint16_t node, enum bb_stage stage)
 {
-	const struct bb_sample s = { value, sigma, frame, 2 * BB_NS_PER_S + (int64_t)frame * 10000000, node, (uint16_t)stage };
+	const struct bb_sample s = { value, sigma,          frame, 2 * BB_NS_PER_S + (int64_t)frame * 10000000,
+		                     node,  (uint16_t)stage };
 
 	bb_ledger_sample(g->r->ledger, g->room.budgets[0].metric, &s);
 }
@@ -194,6 +195,13 @@ static void test_most_spent_wins(void **state)
 	add(&g, 30, 0, 1, 0, BB_STAGE_SELECT);
 	for (uint64_t i = 10; i < 30; i++)
 		add(&g, 20, 0, i, 1, BB_STAGE_DRAW);
+	assert_string_equal(judge(&g)->culprit, "node/right");
+	bb_run_result_free(g.r);
+
+	g = rig_create(BB_METRIC_FRAME, BB_STAT_MAX, 8, NONE); /* often, but hardly: not the cause */
+	for (uint64_t i = 10; i < 30; i++)
+		add(&g, 8.01, 0, i, 0, BB_STAGE_DRAW);
+	add(&g, 20, 0, 40, 1, BB_STAGE_DRAW);
 	assert_string_equal(judge(&g)->culprit, "node/right");
 	bb_run_result_free(g.r);
 }

@@ -85,6 +85,7 @@ static void test_bad(void **state)
 	BAD(1703, "''", "");
 	BAD(1703, "did you mean 'run'", "help", "urn");
 	BAD(1701, "did you mean --seed", "run", "a", "b", "--sede", "3");
+	BAD(1701, "did you mean --seed", "run", "a", "b", "--esde", "3"); /* two swaps */
 	BAD(1701, "did you mean --fault", "run", "a", "b", "--faults=x");
 	BAD(1701, "no option --zzzzzz;", "run", "a", "b", "--zzzzzz");
 	BAD(1701, "no option --json", "room", "draw", "x", "--json");

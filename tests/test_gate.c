@@ -164,7 +164,8 @@ static void on_posix(struct fixture *x)
 
 static void test_not_comparable(void **state)
 {
-	static void (*const changes[])(struct fixture *) = { other_seed, other_room, other_profile, other_fidelity, on_posix };
+	static void (*const changes[])(struct fixture *) = { other_seed, other_room, other_profile, other_fidelity,
+		                                             on_posix };
 
 	(void)state;
 	for (size_t i = 0; i < BB_ARRAY_LEN(changes); i++) {
@@ -257,17 +258,28 @@ static void test_command(void **state)
 	fixture_free(x);
 }
 
+#define SOUND "{\"values\":{},\"inputs\":{\"clock\":\"virtual\"},\"event_log_sha256\":\"\"}"
+
 static void test_hostile_files(void **state)
 {
 	static const char *const texts[] = {
-		"", "{", "[]", "null", "{}", "\x80\x81", "{\"kind\": 7, \"schema\": 1}",
+		"",
+		"{",
+		"[]",
+		"null",
+		"{}",
+		"\x80\x81",
+		"{\"kind\": 7, \"schema\": 1}",
 		"{\"kind\":\"blackburst-bench\",\"schema\":2,\"facts\":{},\"scenarios\":{}}",
+		"{\"kind\":\"blackburst-bench\",\"schema\":2,\"facts\":{},\"scenarios\":{\"a\":" SOUND "}}",
 		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":[]}",
 		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{}}",
 		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":null}}",
-		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":{\"values\":{\"x\":\"y\"},"
-		"\"inputs\":{},\"event_log_sha256\":\"\"}}}",
-		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":{\"values\":{},\"inputs\":{}}}}",
+		("{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":{\"values\":{\"x\":"
+		 "\"y\"},"
+		 "\"inputs\":{},\"event_log_sha256\":\"\"}}}"),
+		"{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":{\"values\":{},"
+		"\"inputs\":{}}}}",
 		"{\"kind\":\"blackburst-result\",\"schema\":1}",
 		"{\"kind\":\"blackburst-result\",\"schema\":1,\"facts\":7,\"gate\":{}}",
 		"{\"kind\":\"blackburst-trade\",\"schema\":1}",
@@ -280,6 +292,9 @@ static void test_hostile_files(void **state)
 		put_file("build/gate_h.json", texts[i]);
 		assert_int_equal(quiet_compare("build/gate_h.json", "build/gate_h.json"), 2);
 	}
+	put_file("build/gate_h.json",
+	         "{\"kind\":\"blackburst-bench\",\"schema\":1,\"facts\":{},\"scenarios\":{\"a\":" SOUND "}}");
+	assert_int_equal(quiet_compare("build/gate_h.json", "build/gate_h.json"), 0); /* the sound one is taken */
 	memset(deep, '[', 100000);
 	put_file("build/gate_h.json", deep);
 	assert_int_equal(quiet_compare("build/gate_h.json", "build/gate_h.json"), 2);
@@ -293,7 +308,8 @@ static void test_many_lines(void **state)
 	char key[32];
 
 	(void)state;
-	json_t *section = json_pack("{s:{s:s}, s:s, s:{}}", "inputs", "clock", "virtual", "event_log_sha256", "", "values");
+	json_t *section =
+		json_pack("{s:{s:s}, s:s, s:{}}", "inputs", "clock", "virtual", "event_log_sha256", "", "values");
 	json_object_set(json_object_get(base, "scenarios"), "s", section);
 	now = json_deep_copy(base);
 	for (int i = 0; i < 1000; i++) {

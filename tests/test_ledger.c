@@ -131,6 +131,23 @@ static void test_capacity(void **state)
 	assert_int_equal(s.worst.frame, 4999);
 	near(s.p99, ceil(0.99 * (double)n) - 1, 0);
 	bb_ledger_destroy(l);
+
+	assert_int_equal(bb_ledger_create(0, 1, &l), BB_OK);
+	for (int i = 1; i <= 5000; i++) {
+		const struct bb_frame_row row = { .frame = (uint64_t)i };
+		bb_ledger_span(l, (uint64_t)i, BB_STAGE_DRAW, 0, 0, 0, (int64_t)i * 1000000);
+		bb_ledger_mark(l, BB_TRACK_VSYNC, 0, i, 0);
+		bb_ledger_row(l, &row);
+	}
+	const struct bb_span *span;
+	const struct bb_mark *mark;
+	const struct bb_frame_row *row;
+	const size_t left = bb_ledger_spans(l, &span) + bb_ledger_marks(l, &mark) + bb_ledger_rows(l, &row);
+	assert_true(left < 15000);
+	assert_int_equal(bb_ledger_dropped(l), 15000 - left);
+	near(bb_ledger_stage(l, BB_STAGE_DRAW, 0xFFFF).max, 5000, 1e-9);
+	near(bb_ledger_stage(l, BB_STAGE_DRAW, 0).mean, 2500.5, 1e-9);
+	bb_ledger_destroy(l);
 }
 
 static void test_not_a_number(void **state)

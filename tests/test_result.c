@@ -244,8 +244,9 @@ static void test_html(void **state)
 	                                      NULL), BB_OK);
 	text = read_back(p);
 	check_clean(text);
-	for (const char *const *tag = (const char *const[]){ "table", "tr", "td", "div", "section", "svg", "figure", "text",
-		     "title", "span", NULL }; *tag; tag++)
+	for (const char *const *tag = (const char *const[]){ "table", "tr", "td", "div", "section", "svg", "figure",
+	                                                     "text", "title", "span", NULL };
+	     *tag; tag++)
 		check_balanced(text, *tag);
 	assert_null(strstr(text, "<script"));
 	assert_null(strstr(text, "http://"));
@@ -280,10 +281,12 @@ static void test_pictures_stay_inside(void **state)
 {
 	struct place *p = *state;
 
-	snprintf(p->x->result->pictures[0].file, sizeof(p->x->result->pictures[0].file), "../../../../etc/passwd");
+	fixture_png("build/test_result_outside.png", 0, 0);
+	snprintf(p->x->result->pictures[0].file, sizeof(p->x->result->pictures[0].file), "../test_result_outside.png");
 	snprintf(p->x->result->pictures[1].file, sizeof(p->x->result->pictures[1].file), "absent.png");
 	assert_int_equal(bb_result_write_html(p->x->result, p->dir, path_in(p, "report.html"), NULL), BB_OK);
 	assert_int_equal(occurrences(read_back(p), "not embedded"), 2);
+	unlink("build/test_result_outside.png");
 }
 
 static size_t files_in(const char *dir)
@@ -354,7 +357,8 @@ static void test_escapes(void **state)
 	(void)state;
 	check_text(bb_put_markup, "<a href='x'>&\"", "&lt;a href=&#39;x&#39;&gt;&amp;&quot;");
 	check_text(bb_put_markup, "\x1b[31m", "\xEF\xBF\xBD[31m");
-	check_text(bb_put_markup, "\xC0\xAF\xED\xA0\x80", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD");
+	check_text(bb_put_markup, "\xC0\xAF\xED\xA0\x80",
+	           "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD");
 	check_text(bb_put_markup, "\xE2\x82", "\xEF\xBF\xBD\xEF\xBF\xBD"); /* cut in the middle */
 	check_text(bb_put_markup, "\xEF\xBF\xBE", "\xEF\xBF\xBD\xEF\xBF\xBD\xEF\xBF\xBD");
 	check_text(bb_put_markup, "gr\xC3\xBC\xC3\x9F \xF0\x9F\x98\x80", "gr\xC3\xBC\xC3\x9F \xF0\x9F\x98\x80");
@@ -370,8 +374,13 @@ static void test_escapes(void **state)
 
 static void test_base64(void **state)
 {
-	static const char *const rows[][2] = { { "", "" }, { "f", "Zg==" }, { "fo", "Zm8=" }, { "foo", "Zm9v" },
-		                               { "foob", "Zm9vYg==" }, { "fooba", "Zm9vYmE=" }, { "foobar", "Zm9vYmFy" } };
+	static const char *const rows[][2] = { { "", "" },
+		                               { "f", "Zg==" },
+		                               { "fo", "Zm8=" },
+		                               { "foo", "Zm9v" },
+		                               { "foob", "Zm9vYg==" },
+		                               { "fooba", "Zm9vYmE=" },
+		                               { "foobar", "Zm9vYmFy" } };
 
 	(void)state;
 	for (size_t i = 0; i < BB_ARRAY_LEN(rows); i++) { /* RFC 4648, section 10 */
