@@ -11,7 +11,7 @@ endif
 comma   := ,
 VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
-PROGRAM := $(if $(SAN),$B/blackburst,build/blackburst)
+PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
 PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla

@@ -135,10 +135,11 @@ static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct b
 	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(from, to));
 }
 
-static void count_metric(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, uint64_t *total,
-                         uint16_t node, enum bb_stage stage)
+/* One more of a metric that counts: the judge adds the samples up. */
+static void count_metric(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, uint16_t node,
+                         enum bb_stage stage)
 {
-	sample(l, f, metric, (double)++*total, 0, node, stage);
+	sample(l, f, metric, 1, 0, node, stage);
 }
 
 static uint16_t swapped_node(const struct bb_frame_loop *l, const struct bb_frame *f)
@@ -185,15 +186,15 @@ static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 		row.phase_us = (double)offset_ns * 1e-3;
 	if (torn(l, f, &torn_node)) {
 		row.flags |= BB_FRAME_TORN;
-		count_metric(l, f, BB_METRIC_TORN_FRAMES, &l->n_torn, torn_node, BB_STAGE_PRESENT);
+		count_metric(l, f, BB_METRIC_TORN_FRAMES, torn_node, BB_STAGE_PRESENT);
 	}
 	if (f->late) {
 		row.late_node = f->last_node;
-		count_metric(l, f, BB_METRIC_LATE_FRAMES, &l->n_late, (uint16_t)f->last_node, BB_STAGE_DRAW);
+		count_metric(l, f, BB_METRIC_LATE_FRAMES, (uint16_t)f->last_node, BB_STAGE_DRAW);
 	}
 	if (f->eyes_swapped) {
 		row.flags |= BB_FRAME_EYES_SWAPPED;
-		count_metric(l, f, BB_METRIC_EYE_SWAPS, &l->n_swaps, swapped_node(l, f), BB_STAGE_SHUTTER);
+		count_metric(l, f, BB_METRIC_EYE_SWAPS, swapped_node(l, f), BB_STAGE_SHUTTER);
 	}
 	row.flags |= f->track_flags & (BB_TRACK_FROZEN | BB_TRACK_NEVER) ? BB_FRAME_POSE_OLD : 0;
 	row.flags |= f->view_flags ? BB_FRAME_VIEW_CLAMPED : 0;

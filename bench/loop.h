@@ -125,7 +125,6 @@ struct bb_frame_loop {
 	struct camera_read *reads;        /* tracking.c: frames read in this turn */
 	struct bb_blob *blobs;
 	size_t path_cap;
-	uint64_t n_torn, n_late, n_swaps;
 };
 
 BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_frame_loop *loop, struct bb_error *err);

@@ -7,6 +7,7 @@
 #include <sys/utsname.h>
 
 #include "bench/report_html.h"
+#include "bench/room_drawing.h"
 #include "hal/hash.h"
 
 #ifndef BB_REVISION
@@ -282,5 +283,8 @@ enum bb_status bb_outcome_write(const struct bb_run_result *r, const char *dir, 
 	if (!dir || status != BB_OK)
 		return status;
 	snprintf(path, sizeof(path), "%s/report.html", dir);
-	return bb_report_html_write(r, dir, path, NULL, err);
+	char *drawing = bb_room_drawing_svg(r->room, r->path, r->n_path);
+	status = bb_report_html_write(r, dir, path, drawing, err);
+	free(drawing);
+	return status;
 }

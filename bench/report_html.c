@@ -209,9 +209,3 @@ enum bb_status bb_report_html_write(const struct bb_run_result *r, const char *d
 	put_page(f.out, r, dir, room_svg);
 	return bb_file_commit(&f, err);
 }
-
-enum bb_status bb_result_write_html(const struct bb_run_result *r, const char *dir, const char *path,
-                                    struct bb_error *err)
-{
-	return bb_report_html_write(r, dir, path, NULL, err);
-}

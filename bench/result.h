@@ -141,9 +141,6 @@ char *bb_result_json_text(const struct bb_run_result *r); /* malloc'ed; NULL: ou
 BB_MUST_CHECK enum bb_status bb_result_write_junit(const struct bb_run_result *r, const char *path, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *path, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_result_write_trace(const struct bb_run_result *r, const char *path, struct bb_error *err);
-/* Pictures are read from dir and embedded. */
-BB_MUST_CHECK enum bb_status bb_result_write_html(const struct bb_run_result *r, const char *dir, const char *path,
-                                                  struct bb_error *err);
 /* The verdict table for a terminal. */
 void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colour);
 

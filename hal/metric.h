@@ -14,7 +14,7 @@ enum bb_class { /* device classes as a scene's `needs` lists them */
 };
 const char *bb_class_text(enum bb_class c); /* "shutters" ... */
 
-/* Counting metrics ("so far") get a sample each time the count grows, so their max is the total.
+/* Metrics of unit "count" are sums: every sample counts what happened since the one before.
  * name, unit the samples are kept in, class needed, fidelity needed, meaning */
 #define BB_METRIC_LIST(X)                                                                                            \
 	X(BB_METRIC_HEAD_TO_PHOTON, "head_to_photon", "ms", BB_CLASS_CAMERAS, 0,                                      \
@@ -25,13 +25,13 @@ const char *bb_class_text(enum bb_class c); /* "shutters" ... */
 	X(BB_METRIC_SCANOUT_SKEW, "scanout_skew", "us", BB_CLASS_DISPLAYS, 1,                                         \
 	  "spread over the displays of the vblank one frame became visible at")                                        \
 	X(BB_METRIC_TORN_FRAMES, "torn_frames", "count", BB_CLASS_DISPLAYS, 0,                                        \
-	  "frames that some display showed a whole refresh after another, or never, so far")                                   \
+	  "frames that some display showed a whole refresh after another, or never")                                   \
 	X(BB_METRIC_LATE_FRAMES, "late_frames", "count", BB_CLASS_NONE, 0,                                            \
-	  "frames released after the vblank they were meant for, so far")                                              \
+	  "frames released after the vblank they were meant for")                                              \
 	X(BB_METRIC_PHASE, "phase", "us", BB_CLASS_SHUTTERS, 0,                                                       \
 	  "switching instant of a wall's shutter less that of the glasses, worst stage")                               \
 	X(BB_METRIC_EYE_SWAPS, "eye_swaps", "count", BB_CLASS_SHUTTERS, 0,                                            \
-	  "frames in which an eye saw the other eye's image, so far")                                                          \
+	  "frames in which an eye saw the other eye's image")                                                          \
 	X(BB_METRIC_CROSSTALK, "crosstalk", "percent", BB_CLASS_SHUTTERS, 2, "leakage over signal, black removed")    \
 	X(BB_METRIC_POSE_ERROR, "pose_error", "mm", BB_CLASS_CAMERAS, 1,                                              \
 	  "unpredicted marker centroid against the world's truth at mid-exposure (sims only)")                         \

@@ -271,7 +271,7 @@ static void test_html_of_nothing(void **state)
 	struct fixture *x = fixture_create(&o);
 
 	assert_int_equal(bb_result_judge(x->result), BB_OK);
-	assert_int_equal(bb_result_write_html(x->result, NULL, path_in(p, "empty.html"), NULL), BB_OK);
+	assert_int_equal(bb_report_html_write(x->result, NULL, path_in(p, "empty.html"), NULL, NULL), BB_OK);
 	assert_null(strstr(read_back(p), "=\"nan"));
 	assert_null(strstr(p->text, "=\"inf"));
 	fixture_free(x);
@@ -284,7 +284,7 @@ static void test_pictures_stay_inside(void **state)
 	fixture_png("build/test_result_outside.png", 0, 0);
 	snprintf(p->x->result->pictures[0].file, sizeof(p->x->result->pictures[0].file), "../test_result_outside.png");
 	snprintf(p->x->result->pictures[1].file, sizeof(p->x->result->pictures[1].file), "absent.png");
-	assert_int_equal(bb_result_write_html(p->x->result, p->dir, path_in(p, "report.html"), NULL), BB_OK);
+	assert_int_equal(bb_report_html_write(p->x->result, p->dir, path_in(p, "report.html"), NULL, NULL), BB_OK);
 	assert_int_equal(occurrences(read_back(p), "not embedded"), 2);
 	unlink("build/test_result_outside.png");
 }
