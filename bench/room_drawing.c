@@ -2,9 +2,11 @@
  * bench/room_drawing.c: layout and content of a room's drawing. See bench/room_drawing.h; strokes are in drawing_pen.c.
  * Plan: x to the right, z down, the front wall at the top. Side: seen from the left, z to the right, y up.
  */
+#define _GNU_SOURCE /* RTLD_DEFAULT */
 #include "bench/room_drawing.h"
 
 #include <cairo-svg.h>
+#include <dlfcn.h>
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
@@ -681,4 +683,15 @@ enum bb_status bb_room_drawing_write(const struct bb_room *room, const char *fil
 	bb_fail(err, BB_ERR_IO, 1851, &where, "%s", why);
 	unlink(temporary);
 	return BB_ERR_IO;
+}
+
+void bb_drawing_forget_fonts(void)
+{
+	void (*fini)(void);
+
+	cairo_debug_reset_static_data();
+	/* fontconfig is cairo's affair and not linked by us: ask for it by name */
+	*(void **)&fini = dlsym(RTLD_DEFAULT, "FcFini");
+	if (fini)
+		fini();
 }

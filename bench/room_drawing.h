@@ -15,5 +15,10 @@
 char *bb_room_drawing_svg(const struct bb_room *room, const struct bb_path_point *path, size_t n_path);
 /* By the file's extension, .svg or .png (error 1850 for another); written to a temporary name and renamed. */
 BB_MUST_CHECK enum bb_status bb_room_drawing_write(const struct bb_room *room, const char *file, struct bb_error *err);
+/*
+ * Give back what cairo and fontconfig keep for the life of a process (a leak checker counts it). Last thing in main();
+ * nothing may be drawn afterwards.
+ */
+void bb_drawing_forget_fonts(void);
 
 #endif

@@ -202,8 +202,8 @@ static enum bb_status read_node(struct bb_reader *r, const struct bb_yaml_node *
 {
 	struct room_build *b = build_of(r);
 	struct bb_room *room = b->room;
+	struct room_ids ids = { .n = 0 };
 	struct node_draft draft;
-	struct room_ids ids;
 	enum bb_status status;
 
 	bb_options_defaults(node_options, &draft);
@@ -215,7 +215,7 @@ static enum bb_status read_node(struct bb_reader *r, const struct bb_yaml_node *
 	if (!status)
 		status = room_grow(b, entry, &room->nodes, sizeof(*room->nodes), room->n_nodes, ids.n, BB_LINK_NODES_MAX,
 		                   "nodes");
-	for (unsigned i = 0; i < ids.n && !status; i++) {
+	for (unsigned i = 0; !status && i < ids.n; i++) {
 		struct bb_node node = { .head = draft.head };
 		room_ids_at(&ids, i, node.id);
 		memcpy(node.profile, draft.profile, sizeof(node.profile));
@@ -295,7 +295,7 @@ static const struct bb_yaml_branch top_branches[] = {
 
 static void derive_box(struct bb_room *room)
 {
-	struct bb_vec3 min = { INFINITY, INFINITY, INFINITY }, max = { -INFINITY, -INFINITY, -INFINITY };
+	struct bb_vec3 min = bb_corners_at(&room->walls[0].corners, 0, 0), max = min;
 
 	for (size_t i = 0; i < 4 * room->n_walls; i++) {
 		const struct bb_vec3 p = bb_corners_at(&room->walls[i / 4].corners, (double)(i & 1), (double)(i >> 1 & 1));

@@ -261,8 +261,8 @@ static enum bb_status read_camera(struct room_build *b, const struct bb_yaml_nod
 		                                   { "look_at_m", read_target, !b->camera.has_target },
 		                                   { NULL, NULL, false } };
 	struct room_camera_draft d = b->camera;
+	struct room_ids ids = { .n = 0 };
 	struct bb_room *room = b->room;
-	struct room_ids ids;
 	enum bb_status status;
 
 	d.at = entry;

@@ -141,7 +141,7 @@ static void lint_wall(struct sink *s, const struct bb_room *room, const struct b
 /* Do b's corners and a overlap by more than TOUCH_M along both edges of a? */
 static bool overlap_along(const struct bb_corners *a, const struct bb_corners *b)
 {
-	double least[2] = { INFINITY, INFINITY }, most[2] = { -INFINITY, -INFINITY };
+	double least[2] = { (double)INFINITY, (double)INFINITY }, most[2] = { (double)-INFINITY, (double)-INFINITY };
 	const double size[2] = { bb_vec3_norm(bb_vec3_sub(a->lower_right, a->lower_left)),
 		                 bb_vec3_norm(bb_vec3_sub(a->upper_left, a->lower_left)) };
 
@@ -168,7 +168,7 @@ static bool coplanar(const struct bb_corners *a, const struct bb_corners *b)
  */
 static bool cut(const struct bb_corners *a, const struct bb_corners *b, struct bb_vec3 ends[2])
 {
-	double least = INFINITY, most = -INFINITY;
+	double least = (double)INFINITY, most = (double)-INFINITY;
 	int n = 0;
 
 	for (int i = 0; i < 4; i++) {
@@ -199,7 +199,7 @@ static bool cross(const struct bb_corners *a, const struct bb_corners *b)
 /* How far apart the nearest two edges of two walls are, as the larger distance of their ends. */
 static double edge_distance(const struct bb_corners *a, const struct bb_corners *b, double *shorter)
 {
-	double best = INFINITY;
+	double best = (double)INFINITY;
 
 	for (int i = 0; i < 16; i++) {
 		const struct bb_vec3 a0 = corner(a, i / 4), a1 = corner(a, (i / 4 + 1) % 4);
@@ -238,12 +238,12 @@ static void lint_pair(struct sink *s, const struct bb_wall *a, const struct bb_w
 /* Length along an axis that the walls in the plane of wall `first` cover together, overlaps counted once. */
 static double covered(const struct bb_room *room, size_t first, int axis)
 {
-	double from[BB_ROOM_WALLS_MAX], to[BB_ROOM_WALLS_MAX], sum = 0, end = -INFINITY;
+	double from[BB_ROOM_WALLS_MAX], to[BB_ROOM_WALLS_MAX], sum = 0, end = (double)-INFINITY;
 	size_t n = 0;
 
 	for (size_t i = 0; i < room->n_walls && n < BB_ROOM_WALLS_MAX; i++) {
 		const struct bb_corners *c = &room->walls[i].corners;
-		double low = INFINITY, high = -INFINITY;
+		double low = (double)INFINITY, high = (double)-INFINITY;
 		size_t at = n;
 
 		if (i != first && !coplanar(&room->walls[first].corners, c))
@@ -327,7 +327,7 @@ static void lint_coverage(struct sink *s, const struct bb_room *room)
 
 static void lint_body(struct sink *s, const struct bb_body *body)
 {
-	double d[15], least = INFINITY;
+	double d[15], least = (double)INFINITY;
 	size_t n = 0;
 
 	for (size_t i = 0; i < body->n_markers; i++)

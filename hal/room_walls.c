@@ -162,7 +162,7 @@ static enum bb_status add_nodes(struct bb_reader *r, const struct bb_yaml_node *
 {
 	struct room_build *b = build_of(r);
 	char text[2 * BB_ID_MAX], id[BB_ID_MAX];
-	struct room_ids ids;
+	struct room_ids ids = { .n = 0 };
 	enum bb_status status = bb_yaml_text(r, at, text, sizeof(text));
 
 	if (!status)

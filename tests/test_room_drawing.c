@@ -181,5 +181,8 @@ int main(void)
 		cmocka_unit_test(names_cannot_become_markup), cmocka_unit_test(files_are_written_whole),
 		cmocka_unit_test(check_speaks_to_people_and_programs),
 	};
-	return cmocka_run_group_tests(tests, NULL, NULL);
+	const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+
+	bb_drawing_forget_fonts();
+	return failed;
 }
