@@ -104,7 +104,8 @@ static void cycles_gate(const struct bb_power *p, const struct bb_power_guard *g
 	const int64_t window_ns = most >= 1 ? HOUR_NS : ns_of(3600 / most);
 
 	if (g->n_cycles >= n)
-		no_earlier(gate, g->cycle_ns[(g->n_cycles - n) % BB_POWER_CYCLES_KEPT] + window_ns, "most cycles per hour");
+		no_earlier(gate, g->cycle_ns[(g->n_cycles - n) % BB_POWER_CYCLES_KEPT] + window_ns,
+		           "most cycles per hour");
 }
 
 static struct gate gate_of(const struct bb_power *p, const struct bb_power_guard *g, bool on)
@@ -119,7 +120,8 @@ static struct gate gate_of(const struct bb_power *p, const struct bb_power_guard
 	if (g->on == on)
 		return gate; /* said again because the answer was missing: its times were kept the first time */
 	if (g->switched)
-		no_earlier(&gate, g->at_ns + p->limits.settle_ns + ns_of(on ? s->outlet_least_off_s : s->outlet_least_on_s),
+		no_earlier(&gate,
+		           g->at_ns + p->limits.settle_ns + ns_of(on ? s->outlet_least_off_s : s->outlet_least_on_s),
 		           on ? "least off time" : "least on time");
 	if (on)
 		cycles_gate(p, g, &gate);

@@ -1,4 +1,4 @@
-/* sim/pad_script.c: event texts of gamepads, parsed or generated, and what they ask for at a time; see sim_gamepad.h. */
+/* sim/pad_script.c: event texts of gamepads, parsed or generated; see sim/sim_gamepad.h. */
 #include "sim/sim_gamepad.h"
 
 #include "sim/world.h"
@@ -180,7 +180,8 @@ static enum bb_status number(struct parser *p, size_t i, double least, double mo
 	if (*end)
 		return bb_fail(p->err, BB_ERR_CONFIG, 1331, &p->where, "'%.40s' is no %s", text, what);
 	if (!(*out >= least && *out <= most))
-		return bb_fail(p->err, BB_ERR_CONFIG, 1332, &p->where, "%s %.40s is not in %g..%g", what, text, least, most);
+		return bb_fail(p->err, BB_ERR_CONFIG, 1332, &p->where, "%s %.40s is not in %g..%g", what, text, least,
+		               most);
 	return BB_OK;
 }
 
@@ -274,7 +275,10 @@ static enum bb_status parse_event(struct parser *p)
 		const char *name;
 		enum bb_status (*parse)(struct parser *p);
 	} kinds[] = {
-		{ "axis", parse_axis }, { "button", parse_button }, { "battery", parse_battery }, { "report", parse_report },
+		{ "axis", parse_axis },
+		{ "button", parse_button },
+		{ "battery", parse_battery },
+		{ "report", parse_report },
 	};
 	double t_s = 0;
 	const enum bb_status status = number(p, 0, 0, T_MAX_S, "time", &t_s);
@@ -424,7 +428,7 @@ enum bb_status sim_pad_script_generate(uint64_t seed, const char *id, struct sim
 {
 	struct sim_pad_script *s = calloc(1, sizeof(*s));
 	struct sim_rng rng;
-	/* The first sweep covers 2.0 to 6.0 s on every pad, so that a fault planted there always meets a deflected one. */
+	/* The first sweep covers 2.0 to 6.0 s on every pad: a fault planted there always meets a deflected one. */
 	double t_s = 1.8, for_s = 4.4;
 	enum bb_status status = s ? BB_OK : BB_ERR_NOMEM;
 

@@ -128,7 +128,8 @@ static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns
 	(void)now_ns;
 	if (!mute(sg, &v) && (!neutral(&v) || !same(&v, &sg->told)))
 		report(sg, &v, scheduled_ns);
-	return scheduled_ns + LEAST_GAP_NS + (int64_t)(sim_rng_uniform(&sg->rng) * (double)(MOST_GAP_NS - LEAST_GAP_NS));
+	const double jitter_ns = sim_rng_uniform(&sg->rng) * (double)(MOST_GAP_NS - LEAST_GAP_NS);
+	return scheduled_ns + LEAST_GAP_NS + (int64_t)jitter_ns;
 }
 
 static enum bb_status sim_read(struct bb_gamepad *g, struct bb_pad_report *reports, size_t cap, size_t *n_out)

@@ -1,4 +1,4 @@
-/* sim/sim_monitor.c: the monitor's DDC state machine, power and faults; see sim/sim_monitor.h. Its values: vcp_model.c */
+/* sim/sim_monitor.c: the monitor's DDC state machine, power and faults; its values are sim/vcp_model.c's. */
 #include "sim/sim_monitor.h"
 
 #include "sim/edid_model.h"

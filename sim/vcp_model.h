@@ -1,6 +1,6 @@
 /*
- * sim/vcp_model.h: the VCP codes of a simulated monitor (MCCS 2.2) and what they may hold: which can be read or written,
- * legal values, factory defaults. Values only: no time, no wire.
+ * sim/vcp_model.h: the VCP codes of a simulated monitor (MCCS 2.2) and what they may hold: which can be read or
+ * written, legal values, factory defaults. Values only: no time, no wire.
  */
 #ifndef BB_SIM_VCP_MODEL_H
 #define BB_SIM_VCP_MODEL_H

@@ -18,7 +18,7 @@ enum bb_status sim_args_only(const struct sim_fault_args *args, const char *know
 {
 	for (size_t i = 0; i < args->n && i < SIM_FAULT_ARGS_MAX; i++)
 		if (!listed(known, args->arg[i].key))
-			return bb_fail(err, BB_ERR_CONFIG, 1605, NULL, "'%s' is no argument of this verb (it takes: %s)",
+			return bb_fail(err, BB_ERR_CONFIG, 1605, NULL, "'%s' is no argument here (known: %s)",
 			               args->arg[i].key, *known ? known : "none");
 	return BB_OK;
 }

@@ -235,7 +235,8 @@ static void test_broken_scripts(void **state)
 		struct sim_pad_script *s;
 		struct bb_error err = { 0 };
 		char want[64];
-		assert_int_equal(sim_pad_script_parse(bad[i].text, strlen(bad[i].text), "p.txt", &s, &err), BB_ERR_CONFIG);
+		assert_int_equal(sim_pad_script_parse(bad[i].text, strlen(bad[i].text), "p.txt", &s, &err),
+		                 BB_ERR_CONFIG);
 		assert_null(s);
 		assert_int_equal(err.number, bad[i].number);
 		snprintf(want, sizeof(want), "p.txt:%d:", bad[i].line);

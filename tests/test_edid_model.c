@@ -127,7 +127,7 @@ static void test_refusals(void **state)
 		int width, height;
 		struct bb_rate rate;
 	} bad[] = {
-		{ 0, 1080, { 60, 1 } },     { 1920, -1, { 60, 1 } },  { 4096, 2160, { 60, 1 } }, { 1920, 1080, { 0, 1 } },
+		{ 0, 1080, { 60, 1 } }, { 1920, -1, { 60, 1 } }, { 4096, 2160, { 60, 1 } }, { 1920, 1080, { 0, 1 } },
 		{ 1920, 1080, { 60, 0 } },  { 1920, 1080, { 2000, 1 } }, { 3840, 2160, { 120, 1 } },
 		{ 1920, 1080, { 1, 1000 } }, { INT32_MAX, INT32_MAX, { UINT32_MAX, 1 } },
 	};
@@ -183,7 +183,8 @@ static void test_edid_decode(void **state)
 	}
 	for (size_t i = 0; sim_edid_model_at(i); i++) {
 		const struct sim_edid_model *m = sim_edid_model_at(i);
-		const struct sim_edid_spec spec = { m, m->width_px, m->height_px, { (uint32_t)m->rate_hz, 1 }, 416, false };
+		const struct bb_rate rate = { (uint32_t)m->rate_hz, 1 };
+		const struct sim_edid_spec spec = { m, m->width_px, m->height_px, rate, 416, false };
 		uint8_t out[SIM_EDID_MAX_BYTES];
 		size_t n;
 		assert_int_equal(sim_edid_make(&spec, out, &n), BB_OK);
