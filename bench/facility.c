@@ -8,7 +8,10 @@
 #define POLL_NS INT64_C(10000000)
 
 /* What a monitor is asked, in this order; SETTINGS covers one write and one read-back per setting. */
-enum step { STEP_EDID, STEP_SETTINGS, STEP_INPUT, STEP_HOURS, STEP_PATROL_INPUT, STEP_PATROL_POWER };
+enum step {
+	STEP_EDID, STEP_SETTINGS, STEP_INPUT, STEP_HOURS, /* bring-up */
+	STEP_PATROL_INPUT, STEP_PATROL_POWER, STEP_PATROL_SETTING, STEP_PATROL_EDID
+};
 
 struct monitor {
 	struct bb_timer timer;
@@ -19,6 +22,7 @@ struct monitor {
 	enum step step;
 	size_t setting;
 	bool verify, waiting, through;
+	unsigned wrong;           /* bits, see judge() */
 	char name[16];
 	uint32_t hours;
 	uint16_t input;
@@ -33,6 +37,7 @@ struct bb_facility {
 	struct bb_timer outlets;
 	size_t pdu, outlet;      /* the next to switch on; pdu == n_pdus: all done, on patrol */
 	bool outlets_done;
+	int64_t inrush_over_ns;
 	size_t *power_slot;
 	double (*current_a)[BB_OUTLETS_MAX];
 };
@@ -70,7 +75,12 @@ static struct bb_monitor_request request_of(const struct monitor *m)
 
 	switch (m->step) {
 	case STEP_EDID:
+	case STEP_PATROL_EDID:
 		q.kind = BB_MONITOR_EDID;
+		break;
+	case STEP_PATROL_SETTING:
+		q.code = (uint8_t)m->config->setting[m->setting].code;
+		q.value = (uint16_t)m->config->setting[m->setting].value;
 		break;
 	case STEP_SETTINGS:
 		q.kind = m->verify ? BB_MONITOR_GET : BB_MONITOR_SET;
@@ -91,40 +101,76 @@ static struct bb_monitor_request request_of(const struct monitor *m)
 	return q;
 }
 
+/* What of a monitor is wrong, one bit each: it is good again only when nothing is. */
+enum { WRONG_SILENT = 1, WRONG_EDID = 2, WRONG_INPUT = 4, WRONG_POWER = 8, WRONG_SETTING = 16 };
+
+static unsigned aspect_of(const struct monitor *m, const struct bb_monitor_request *q)
+{
+	if (q->kind == BB_MONITOR_EDID)
+		return WRONG_EDID;
+	if (m->step == STEP_SETTINGS || m->step == STEP_PATROL_SETTING)
+		return WRONG_SETTING;
+	return q->code == BB_VCP_INPUT ? WRONG_INPUT : q->code == BB_VCP_POWER_MODE ? WRONG_POWER : 0;
+}
+
+/* What a value that came should have been: false and words when it is not. */
+static bool as_wanted(struct monitor *m, const struct bb_monitor_reply *r, char *words, size_t cap)
+{
+	const struct bb_monitor_request *q = &r->request;
+
+	if (q->kind == BB_MONITOR_EDID && !edid_valid(r))
+		snprintf(words, cap, "EDID is broken (header or checksum)");
+	else if (q->kind != BB_MONITOR_GET)
+		return true;
+	else if (q->code == BB_VCP_INPUT && m->config->input && r->current != m->config->input)
+		snprintf(words, cap, "shows input 0x%02X, want 0x%02X", r->current, (unsigned)m->config->input);
+	else if (q->code == BB_VCP_POWER_MODE && r->current != 1)
+		snprintf(words, cap, "power mode is %u, want 1 (on)", r->current);
+	else if (aspect_of(m, q) == WRONG_SETTING && r->current != q->value)
+		snprintf(words, cap, "VCP %02X reads %u, want %u", q->code, r->current, q->value);
+	else
+		return true;
+	return false;
+}
+
+static void note_value(struct monitor *m, const struct bb_monitor_reply *r)
+{
+	if (r->request.kind == BB_MONITOR_EDID)
+		read_name(m, r);
+	if (r->request.kind == BB_MONITOR_GET && r->request.code == BB_VCP_INPUT)
+		m->input = r->current;
+	if (r->request.kind == BB_MONITOR_GET && r->request.code == BB_VCP_HOURS)
+		m->hours = r->current;
+}
+
 /* Is the reply what it should be? Tells the watch either way. */
 static void judge(struct monitor *m, const struct bb_monitor_reply *r, int64_t now_ns)
 {
 	struct bb_watch *w = m->f->watch;
 	const struct bb_monitor_request *q = &r->request;
+	char words[96];
 
-	if (r->status == BB_ERR_UNSUPPORTED && q->kind == BB_MONITOR_GET && q->code == BB_VCP_HOURS)
+	if (r->status == BB_ERR_UNSUPPORTED && q->code == BB_VCP_HOURS)
 		return;
 	if (r->status != BB_OK) {
 		const bool standby = r->status == BB_ERR_BUSY;
+		m->wrong |= WRONG_SILENT;
 		bb_watch_bad(w, m->slot, now_ns, standby ? BB_HEALTH_DEGRADED : BB_HEALTH_LOST,
 		             standby ? "answers EDID but not VCP %02X: in standby or off (%s)" : "VCP %02X: %s", q->code,
 		             bb_status_text(r->status));
-	} else if (q->kind == BB_MONITOR_EDID && !edid_valid(r)) {
-		bb_watch_bad(w, m->slot, now_ns, BB_HEALTH_DEGRADED, "EDID is broken (header or checksum)");
-	} else if (q->kind == BB_MONITOR_EDID) {
-		read_name(m, r);
-	} else if (q->kind == BB_MONITOR_GET && q->code == BB_VCP_INPUT && m->config->input &&
-	           r->current != m->config->input) {
-		m->input = r->current;
-		bb_watch_bad(w, m->slot, now_ns, BB_HEALTH_DEGRADED, "shows input 0x%02X, want 0x%02X", r->current,
-		             (unsigned)m->config->input);
-	} else if (q->kind == BB_MONITOR_GET && q->code == BB_VCP_POWER_MODE && r->current != 1) {
-		bb_watch_bad(w, m->slot, now_ns, BB_HEALTH_DEGRADED, "power mode is %u, want 1 (on)", r->current);
-	} else if (q->kind == BB_MONITOR_GET && m->step == STEP_SETTINGS && r->current != q->value) {
-		bb_watch_bad(w, m->slot, now_ns, BB_HEALTH_DEGRADED, "VCP %02X reads %u after writing %u", q->code,
-		             r->current, q->value);
-	} else {
-		if (q->code == BB_VCP_INPUT)
-			m->input = r->current;
-		if (q->code == BB_VCP_HOURS)
-			m->hours = r->current;
-		bb_watch_good(w, m->slot, now_ns);
+		return;
 	}
+	note_value(m, r);
+	if (q->kind != BB_MONITOR_EDID)
+		m->wrong &= ~(unsigned)WRONG_SILENT; /* EDID answers even in standby */
+	if (as_wanted(m, r, words, sizeof(words))) {
+		m->wrong &= ~aspect_of(m, q);
+	} else {
+		m->wrong |= aspect_of(m, q);
+		bb_watch_bad(w, m->slot, now_ns, BB_HEALTH_DEGRADED, "%s", words);
+	}
+	if (!m->wrong)
+		bb_watch_good(w, m->slot, now_ns);
 }
 
 static void advance(struct monitor *m)
@@ -135,15 +181,24 @@ static void advance(struct monitor *m)
 		break;
 	case STEP_SETTINGS:
 		m->verify = !m->verify;
-		if (!m->verify && ++m->setting == m->config->n_settings)
+		if (!m->verify && ++m->setting == m->config->n_settings) {
 			m->step = STEP_INPUT;
+			m->setting = 0;
+		}
 		break;
 	case STEP_INPUT:
 		m->step = STEP_HOURS;
 		break;
 	case STEP_HOURS:
-	case STEP_PATROL_POWER:
+	case STEP_PATROL_EDID:
 		m->step = STEP_PATROL_INPUT;
+		break;
+	case STEP_PATROL_POWER:
+		m->step = m->config->n_settings ? STEP_PATROL_SETTING : STEP_PATROL_EDID;
+		break;
+	case STEP_PATROL_SETTING:
+		m->setting = (m->setting + 1) % m->config->n_settings;
+		m->step = STEP_PATROL_EDID;
 		break;
 	case STEP_PATROL_INPUT:
 		m->step = STEP_PATROL_POWER;
@@ -197,6 +252,12 @@ static enum bb_status start_monitors(struct bb_facility *f, int64_t now_ns)
 
 /* ---- outlets ---- */
 
+/* Beyond half again of the load the room file states. No stated load: no judgement. */
+static bool draws_too_much(const struct bb_outlet_config *c, const struct bb_outlet_state *s)
+{
+	return s->closed && c->load_a > 0 && s->current_a > 1.5 * c->load_a + 0.5;
+}
+
 static void read_outlet(struct bb_facility *f, size_t pdu, size_t outlet, int64_t now_ns, bool *all_good)
 {
 	struct bb_outlet_state s;
@@ -205,6 +266,13 @@ static void read_outlet(struct bb_facility *f, size_t pdu, size_t outlet, int64_
 	const char *name = c->outlet[outlet].name;
 
 	f->current_a[pdu][outlet] = s.current_a;
+	if (status == BB_OK && s.known && s.closed == s.commanded && now_ns > f->inrush_over_ns &&
+	    draws_too_much(&c->outlet[outlet], &s)) {
+		*all_good = false;
+		bb_watch_bad(f->watch, f->power_slot[pdu], now_ns, BB_HEALTH_DEGRADED, "outlet %d (%s) draws %.1f A, want %.1f",
+		             (int)c->outlet[outlet].outlet, name, s.current_a, c->outlet[outlet].load_a);
+		return;
+	}
 	if (status == BB_OK && s.known && s.closed == s.commanded)
 		return;
 	*all_good = false;
@@ -251,6 +319,7 @@ static int64_t outlets_step(struct bb_timer *timer, int64_t scheduled_ns, int64_
 	}
 	if (!f->outlets_done) {
 		f->outlets_done = true;
+		f->inrush_over_ns = now_ns + 2 * BB_NS_PER_S;
 		if (start_monitors(f, now_ns) != BB_OK)
 			return BB_NEVER;
 	}

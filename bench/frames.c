@@ -56,8 +56,24 @@ static uint16_t node_of(const struct bb_frame_loop *l, uint16_t screen)
 	return l->room->screens[screen].node;
 }
 
+/* Which screens never showed this frame; a node that missed the barrier has excused its own. Returns the node to blame. */
+static uint16_t blame_missing_flips(struct bb_frame_loop *l, const struct bb_frame *f)
+{
+	uint16_t node = BB_NOBODY;
+
+	for (uint16_t s = 0; s < l->room->n_screens; s++) {
+		if (l->flipped[s] >> f->frame % 64 & 1)
+			continue;
+		node = node_of(l, s);
+		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
+			bb_watch_bad(l->watch, l->display_slot[s], f->release_ns, BB_HEALTH_DEGRADED, "never showed frame %llu",
+			             (unsigned long long)f->frame);
+	}
+	return node;
+}
+
 /* Torn: some screen showed this frame a whole refresh after another, or never. */
-static bool torn(const struct bb_frame_loop *l, const struct bb_frame *f, uint16_t *node)
+static bool torn(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t *node)
 {
 	const struct bb_display_config *d = &l->room->screens[0].display;
 	const int64_t period_ns = bb_rate_period_ns(d->rate);
@@ -67,10 +83,7 @@ static bool torn(const struct bb_frame_loop *l, const struct bb_frame *f, uint16
 	if (l->master_screen < 0)
 		return false;
 	if (f->n_flips < l->room->n_screens) {
-		*node = f->last_node == BB_NOBODY ? BB_NOBODY : (uint16_t)f->last_node;
-		for (unsigned i = 0; i < l->room->n_nodes; i++)
-			if (f->missing_nodes >> i & 1)
-				*node = (uint16_t)i;
+		*node = blame_missing_flips(l, f);
 		return true;
 	}
 	*node = node_of(l, f->last_flip_screen);

@@ -178,6 +178,7 @@ static void take_slots(struct bb_frame_loop *l)
 	if (l->rig->shutter) {
 		l->shutter_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 	}
 }
 
@@ -190,17 +191,25 @@ static bool take_memory(struct bb_frame_loop *l)
 	l->camera_seq = calloc(r->n_cameras + 1, sizeof(*l->camera_seq));
 	l->camera_seen_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_seen_ns));
 	l->camera_blind = calloc(r->n_cameras + 1, sizeof(*l->camera_blind));
+	l->camera_same = calloc(r->n_cameras + 1, sizeof(*l->camera_same));
+	l->camera_astray = calloc(r->n_cameras + 1, sizeof(*l->camera_astray));
+	l->camera_sum = calloc(r->n_cameras + 1, sizeof(*l->camera_sum));
+	l->camera_phase_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_phase_ns));
+	l->camera_phased = calloc(r->n_cameras + 1, sizeof(*l->camera_phased));
+	l->camera_unused = calloc(r->n_cameras + 1, sizeof(*l->camera_unused));
+	l->camera_used = calloc(r->n_cameras + 1, sizeof(*l->camera_used));
 	l->camera_slot = calloc(r->n_cameras + 1, sizeof(*l->camera_slot));
 	l->gamepad_slot = calloc(r->n_gamepads + 1, sizeof(*l->gamepad_slot));
 	l->pad = calloc(r->n_gamepads + 1, sizeof(*l->pad));
 	l->pad_seen = calloc(r->n_gamepads + 1, sizeof(*l->pad_seen));
 	l->node_slot = calloc(r->n_nodes + 1, sizeof(*l->node_slot));
+	l->flipped = calloc(r->n_screens + 1, sizeof(*l->flipped));
 	l->display_slot = calloc(r->n_screens + 1, sizeof(*l->display_slot));
 	l->reads = calloc(TRACK_READS_MAX, sizeof(*l->reads));
 	l->blobs = calloc(TRACK_READS_MAX, BB_CAMERA_BLOBS_MAX * sizeof(*l->blobs));
 	l->result->path = calloc(l->path_cap, sizeof(*l->result->path));
-	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_slot &&
-	       l->gamepad_slot && l->pad && l->pad_seen && l->node_slot && l->display_slot && l->reads && l->blobs &&
+	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_same && l->camera_astray && l->camera_sum && l->camera_phase_ns && l->camera_phased && l->camera_unused && l->camera_used && l->camera_slot &&
+	       l->gamepad_slot && l->pad && l->pad_seen && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
 	       l->result->path;
 }
 
@@ -252,12 +261,20 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	free(l->camera_seq);
 	free(l->camera_seen_ns);
 	free(l->camera_blind);
+	free(l->camera_same);
+	free(l->camera_astray);
+	free(l->camera_sum);
+	free(l->camera_phase_ns);
+	free(l->camera_phased);
+	free(l->camera_unused);
+	free(l->camera_used);
 	free(l->camera_slot);
 	free(l->gamepad_slot);
 	free(l->pad);
 	free(l->pad_seen);
 	free(l->node_slot);
 	free(l->display_slot);
+	free(l->flipped);
 	free(l->reads);
 	free(l->blobs);
 }

@@ -111,16 +111,24 @@ struct bb_frame_loop {
 	double steps, next_steps;         /* time in the data */
 
 	struct bb_timemap *camera_map;    /* by camera */
+	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
 	uint32_t *camera_seq;
 	int64_t turn_ns;                  /* when the devices were read last */
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
+	uint32_t *camera_same;            /* frames in a row with the very same blobs */
+	uint32_t *camera_astray;          /* frames in a row away from their place in the sync */
+	uint32_t *camera_unused;          /* frames in a row whose blobs the tracker could not use */
+	uint64_t *camera_sum, *camera_used;
+	double *camera_phase_ns;          /* that place */
+	bool *camera_phased;
 	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
 	struct bb_pad_report *pad;        /* newest report by gamepad */
 	bool *pad_seen;
 	int64_t pad_read_ns;
-	size_t shutter_slot, polarity_slot; /* both "shutter/<chain>": phase and parity fail on their own */
+	size_t shutter_slot, polarity_slot, rhythm_slot; /* all "shutter/<chain>": each can fail on its own */
+	uint64_t doubled_seen;
 	int64_t edge_ns;                  /* newest edge of the emitter */
 	struct camera_read *reads;        /* tracking.c: frames read in this turn */
 	struct bb_blob *blobs;

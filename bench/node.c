@@ -174,6 +174,14 @@ static uint32_t left_target(const struct bb_frame_loop *l, struct bb_display *d,
 	return bb_phase_eye_at(&l->phase, middle_ns) == BB_EYE_RIGHT ? v->seq + 2 : v->seq + 1;
 }
 
+/* Does the screen's last image still wait for the very vblank a new one would aim at? */
+static bool still_waits(const struct bb_node_machine *n, size_t s, const struct bb_vblank *v)
+{
+	const struct bb_screen *screen = &n->loop->room->screens[n->screens[s]];
+
+	return screen->display.stereo != BB_STEREO_FRAME_SEQUENTIAL && n->target[s] == v->seq + 1;
+}
+
 static enum bb_status present_screen(struct bb_node_machine *n, size_t s, const struct bb_vblank *v)
 {
 	struct bb_frame_loop *l = n->loop;
@@ -196,9 +204,13 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 	for (size_t s = 0; s < n->n_screens; s++) {
 		struct bb_display *d = l->rig->displays[n->screens[s]];
 		struct bb_vblank v;
-		if (!d || bb_display_vblank(d, &v) != BB_OK)
+		if (!d)
 			continue;
-		const enum bb_status status = present_screen(n, s, &v);
+		enum bb_status status = bb_display_vblank(d, &v);
+		if (status == BB_OK && still_waits(n, s, &v))
+			bb_result_count(l->result, "frames_left_out", 1);
+		else if (status == BB_OK)
+			status = present_screen(n, s, &v);
 		if (status >= 0)
 			continue;
 		bb_result_count(l->result, "presents_refused", 1);
@@ -209,9 +221,9 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 }
 
 /*
- * Without genlock a display's vblank drifts through the instant of release. Just after it has, the last frame still
- * waits for the very vblank the new one aims at, and queueing behind it would cost a refresh for ever: so a node whose
- * last flip is due within a quarter of a refresh presents right after it. 0: present now.
+ * Without genlock a display's vblank drifts through the instant of release. Just after it has, queueing behind the
+ * waiting image would cost a refresh for ever: so a node whose last flip is due within a quarter of a refresh presents
+ * right after it, and later than that (a release that jumped) the screen leaves this frame out. 0: present now.
  */
 static int64_t hold_until_ns(const struct bb_node_machine *n, int64_t now_ns)
 {
@@ -221,7 +233,7 @@ static int64_t hold_until_ns(const struct bb_node_machine *n, int64_t now_ns)
 	for (size_t s = 0; s < n->n_screens; s++) {
 		struct bb_display *d = l->rig->displays[n->screens[s]];
 		struct bb_vblank v;
-		if (!d || bb_display_vblank(d, &v) != BB_OK || n->target[s] != v.seq + 1)
+		if (!d || bb_display_vblank(d, &v) != BB_OK || !still_waits(n, s, &v))
 			continue;
 		const int64_t period_ns = bb_display_limits(d)->period_ns, due_ns = v.at_ns + period_ns + VBLANK_GUARD_NS;
 		if (due_ns - now_ns < period_ns / 4 && due_ns > until_ns)
@@ -275,6 +287,7 @@ static void note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_
 	}
 	if (flip->eye == BB_EYE_RIGHT)
 		return; /* a frame becomes visible with its first eye */
+	l->flipped[screen] |= UINT64_C(1) << flip->frame % 64;
 	if (!f->n_flips || flip->at_ns < f->first_flip_ns)
 		f->first_flip_ns = flip->at_ns;
 	if (!f->n_flips || flip->at_ns > f->last_flip_ns) {

@@ -59,6 +59,29 @@ static void watch_polarity(struct bb_frame_loop *l, struct bb_frame *f, int64_t 
 	             "eye polarity inverted: stage %s and the glasses open for different eyes", l->room->chain.stage[stage]);
 }
 
+/* Rows G2, G6, G7: spurious edges, a burst of jitter (2 % of the period), another rate. */
+static void watch_rhythm(struct bb_frame_loop *l, int64_t now_ns)
+{
+	const struct bb_phase *p = &l->phase;
+	const double period_ns = (double)p->nominal_ns;
+	uint64_t doubled = p->emitter.doubled;
+
+	for (unsigned i = 0; i < p->n_stages; i++)
+		doubled += p->stage[i].doubled;
+	if (doubled > l->doubled_seen)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "%llu spurious edges",
+		             (unsigned long long)(doubled - l->doubled_seen));
+	else if (fabs(p->recent_ns - period_ns) > 0.01 * period_ns)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "the sync runs at %.2f Hz, want %.2f",
+		             1e9 / p->recent_ns, 1e9 / period_ns);
+	else if (bb_phase_jitter_ns(p) > 0.02 * period_ns)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "sync jitter %.0f us rms",
+		             bb_phase_jitter_ns(p) * 1e-3);
+	else
+		bb_watch_good(l->watch, l->rhythm_slot, now_ns);
+	l->doubled_seen = doubled;
+}
+
 static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const int64_t silent_ns = now_ns - l->edge_ns;
@@ -100,4 +123,5 @@ void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_n
 	sample_phase(l, f, now_ns);
 	watch_polarity(l, f, now_ns);
 	watch_edges(l, now_ns);
+	watch_rhythm(l, now_ns);
 }

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "bench/tracking.h"
 
@@ -10,6 +11,10 @@
 #define IMAGE_MARGIN_PX 12
 #define BLIND_FRAMES 5     /* row K3 */
 #define SOLUTIONS_MAX 32
+#define BLOBS_PLAUSIBLE 48
+#define UNUSED_FRAMES 24 /* with four or more blobs that could be a body */
+#define TRIGGER_SKEW_NS 500000 /* row K10 */
+#define TRIGGER_FRAMES 10
 
 /* Is a marker where this camera would have to see it, going by the tracked pose? */
 static bool expected(const struct bb_camera_config *c, const struct bb_pose *body, struct bb_vec3 marker)
@@ -43,6 +48,37 @@ static void watch_blind(struct bb_frame_loop *l, size_t cam, const struct camera
 	if (l->camera_blind[cam] >= BLIND_FRAMES)
 		bb_watch_bad(l->watch, l->camera_slot[cam], r->arrived_ns, BB_HEALTH_DEGRADED,
 		             "blind: no blobs where %u markers should be seen (covered, dark?)", n);
+}
+
+/* Rows K6, K9 and a picture that stands still: frames that come but cannot be right. */
+static void watch_plausible(struct bb_frame_loop *l, size_t cam, const struct camera_read *r)
+{
+	const double sigma_px = bb_camera_limits(l->rig->cameras[cam])->blob_error_px;
+	const uint64_t used = bb_tracker_camera(l->tracker, cam).used;
+	uint64_t sum = 0;
+
+	if (used != l->camera_used[cam])
+		l->camera_unused[cam] = 0;
+	else if (r->n >= 4)
+		l->camera_unused[cam]++;
+	l->camera_used[cam] = used;
+
+	for (size_t i = 0; i < r->n; i++) {
+		uint64_t bits;
+		memcpy(&bits, &r->blobs[i], sizeof(bits)); /* both coordinates */
+		sum = sum * UINT64_C(0x9E3779B97F4A7C15) + bits;
+	}
+	l->camera_same[cam] = r->n && sigma_px > 0 && sum == l->camera_sum[cam] ? l->camera_same[cam] + 1 : 0;
+	l->camera_sum[cam] = sum;
+	if (r->n > BLOBS_PLAUSIBLE)
+		bb_watch_bad(l->watch, l->camera_slot[cam], r->arrived_ns, BB_HEALTH_DEGRADED,
+		             "flood: %zu blobs (sun, reflections?)", r->n);
+	else if (l->camera_same[cam] >= BLIND_FRAMES)
+		bb_watch_bad(l->watch, l->camera_slot[cam], r->arrived_ns, BB_HEALTH_DEGRADED,
+		             "frozen: the very same blobs in %u frames", l->camera_same[cam] + 1);
+	else if (l->camera_unused[cam] >= UNUSED_FRAMES)
+		bb_watch_bad(l->watch, l->camera_slot[cam], r->arrived_ns, BB_HEALTH_DEGRADED,
+		             "its blobs fit no body in %u frames: bumped or noisy", l->camera_unused[cam]);
 }
 
 /* Everything one camera has to say; false when the pool is full. */
@@ -89,6 +125,28 @@ static int by_time(const void *a, const void *b)
 	if (x->mid_ns != y->mid_ns)
 		return x->mid_ns < y->mid_ns ? -1 : 1;
 	return x->camera < y->camera ? -1 : x->camera > y->camera;
+}
+
+/* Row K10: cameras that share a trigger keep their place in the chain's period; one that drifts from where it began
+ * has lost its cable and exposes by its own clock. */
+static void watch_trigger(struct bb_frame_loop *l, const struct camera_read *r)
+{
+	const struct bb_camera_config *c = &l->room->cameras[r->camera];
+
+	if (c->sync != BB_SYNC_SHUTTERS || !l->rig->shutter || l->phase.emitter.n < 8)
+		return;
+	const double period_ns = bb_phase_period_ns(&l->phase);
+	const double cycles = (double)(r->mid_ns - l->phase.emitter.at_ns) / period_ns;
+	const double phase_ns = (cycles - floor(cycles)) * period_ns;
+	if (!l->camera_phased[r->camera]) {
+		l->camera_phased[r->camera] = true;
+		l->camera_phase_ns[r->camera] = phase_ns;
+	}
+	const double off_ns = remainder(phase_ns - l->camera_phase_ns[r->camera], period_ns);
+	l->camera_astray[r->camera] = fabs(off_ns) > TRIGGER_SKEW_NS ? l->camera_astray[r->camera] + 1 : 0;
+	if (l->camera_astray[r->camera] >= TRIGGER_FRAMES)
+		bb_watch_bad(l->watch, l->camera_slot[r->camera], r->arrived_ns, BB_HEALTH_DEGRADED,
+		             "trigger lost: exposes %.2f ms from its place in the sync", off_ns * 1e-6);
 }
 
 static struct bb_vec3 centroid(const struct bb_body *body, const struct bb_pose *pose)
@@ -149,8 +207,11 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		judge_solution(l, f, &solutions[i]);
 		f->cameras = solutions[i].n_cameras;
 	}
-	for (size_t i = 0; i < n_reads; i++)
+	for (size_t i = 0; i < n_reads; i++) {
 		watch_blind(l, l->reads[i].camera, &l->reads[i]);
+		watch_plausible(l, l->reads[i].camera, &l->reads[i]);
+		watch_trigger(l, &l->reads[i]);
+	}
 	bb_result_count(l->result, "poses_solved", n);
 	bb_result_count(l->result, "camera_frames", n_reads);
 	if (n_reads)

@@ -8,6 +8,7 @@ void bb_phase_init(struct bb_phase *p, struct bb_rate rate, unsigned n_stages)
 {
 	memset(p, 0, sizeof(*p));
 	p->nominal_ns = bb_rate_period_ns(rate);
+	p->recent_ns = (double)p->nominal_ns;
 	p->n_stages = n_stages < BB_STAGES_MAX ? n_stages : BB_STAGES_MAX;
 }
 
@@ -33,8 +34,10 @@ static void note_emitter(struct bb_phase *p, const struct bb_shutter_edge *e)
 		p->first_seq = e->seq;
 	} else {
 		const double steps = (double)(int32_t)(e->seq - p->emitter.seq);
-		const double off = (double)(e->at_ns - p->emitter.at_ns) - steps * bb_phase_period_ns(p);
+		const double interval = (double)(e->at_ns - p->emitter.at_ns) / steps;
+		const double off = interval - p->recent_ns;
 		p->jitter_sq_ns2 += (off * off - p->jitter_sq_ns2) / 64;
+		p->recent_ns += off / 16;
 	}
 	p->ring[i].seq = e->seq;
 	p->ring[i].at_ns = e->at_ns;

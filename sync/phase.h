@@ -34,7 +34,8 @@ struct bb_phase {
 	} ring[8];
 	int64_t first_ns;      /* emitter: for the period */
 	uint32_t first_seq;
-	double jitter_sq_ns2;  /* decaying mean square of (interval - period) */
+	double recent_ns;      /* decaying mean interval of the emitter: follows a change of rate within some 16 edges */
+	double jitter_sq_ns2;  /* decaying mean square of (interval - recent_ns) */
 };
 
 void bb_phase_init(struct bb_phase *p, struct bb_rate rate, unsigned n_stages);
