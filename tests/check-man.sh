@@ -6,7 +6,8 @@ cd "$(dirname "$0")/.." || exit 2
 page=docs/blackburst.1
 status=0
 
-have=$(sed -nE 's/.*\{ "([a-z][a-z0-9-]*)", (NULL|"[A-Z][A-Za-z0-9|:_ ]*"), ".*/\1/p' bench/cmd_*.c bench/cli.c 2>/dev/null |
+# A row of an option table: name, shape of the value or NULL, help.
+have=$(sed -nE 's/^.*\{ "([a-z][a-z0-9-]*)", (NULL|"[^"]*"), "([^"\\]|\\.)*" \}.*$/\1/p' bench/cmd_*.c bench/cli.c 2>/dev/null |
 	sed '/^help$/d' | LC_ALL=C sort -u)
 told=$(grep -oE 'Fl -[a-z][a-z0-9-]*' "$page" | sed 's/^Fl -//' | sed -E '/^(help|name)$/d' | LC_ALL=C sort -u)
 for o in $have; do
