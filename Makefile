@@ -84,7 +84,7 @@ run-room:
 
 # ---- tests ----
 
-SCRIPTS := tests/test-check-layers.sh
+SCRIPTS := tests/test-check-layers.sh tests/check-man.sh
 
 check:
 	@$(MAKE) --no-print-directory deps
@@ -93,6 +93,11 @@ check:
 	@BB_PROGRAM=$(PROGRAM) tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
 tests: $(TESTS)
+
+# What runs threads: the reference caster and the brick reader. (make SAN=thread check-threads)
+THREADED := $B/tests/test_reference $B/tests/test_stream
+check-threads: $(THREADED)
+	@tests/run.sh $(THREADED)
 
 # Every header compiles on its own.
 hdr-check: $(HDR:%.h=$B/%.hco)
@@ -118,6 +123,6 @@ clean:
 help:
 	@sed -n '2,6p' Makefile | cut -c3-
 
-.PHONY: all deps data run run-room check tests hdr-check layer-check lint bench format clean help
+.PHONY: all deps data run run-room check check-threads tests hdr-check layer-check lint bench format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d)

@@ -2,6 +2,7 @@
  * bench/main.c: the program: which commands there are, in the order a person meets them.
  */
 #include "bench/cli.h"
+#include "bench/room_drawing.h"
 
 static const struct bb_command *const commands[] = { &bb_cmd_run,     &bb_cmd_room_check, &bb_cmd_room_draw,
 	                                             &bb_cmd_devices, &bb_cmd_doctor,     &bb_cmd_bench,
@@ -9,5 +10,8 @@ static const struct bb_command *const commands[] = { &bb_cmd_run,     &bb_cmd_ro
 
 int main(int argc, char **argv)
 {
-	return bb_cli_main(commands, argc, (const char *const *)argv);
+	const int code = bb_cli_main(commands, argc, (const char *const *)argv);
+
+	bb_drawing_forget_fonts(); /* or fontconfig's caches count as leaks */
+	return code;
 }
