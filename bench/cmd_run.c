@@ -183,7 +183,7 @@ static int command(const struct bb_cli *cli)
 	struct faults faults = { 0 };
 	struct bb_error err = { 0 };
 	struct bb_run run = { 0 };
-	char folder[BB_PATH_MAX_BYTES];
+	char usual[BB_PATH_MAX_BYTES];
 	int shown = -1;
 
 	if (bb_cli_has(cli, "list-faults"))
@@ -192,9 +192,8 @@ static int command(const struct bb_cli *cli)
 		return bb_cli_fail(bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "run wants a ROOM and a SCENE file"), &err);
 	o.room_path = cli->arg[0];
 	o.scene_path = cli->arg[1];
-	default_folder(folder, sizeof(folder), o.room_path, o.scene_path);
-	snprintf(folder, sizeof(folder), "%s", bb_cli_get(cli, "out", folder));
-	o.out_dir = folder;
+	default_folder(usual, sizeof(usual), o.room_path, o.scene_path);
+	o.out_dir = bb_cli_get(cli, "out", usual);
 	if (isatty(STDERR_FILENO) && !bb_cli_has(cli, "quiet")) {
 		o.progress = progress;
 		o.progress_ctx = &shown;
@@ -211,7 +210,7 @@ static int command(const struct bb_cli *cli)
 	free(faults.fault);
 	if (o.progress && shown >= 0)
 		fprintf(stderr, "\r%40s\r", "");
-	const int code = status == BB_OK ? report(cli, &run, folder) : bb_cli_fail(status, &err);
+	const int code = status == BB_OK ? report(cli, &run, o.out_dir) : bb_cli_fail(status, &err);
 	bb_run_free(&run);
 	return code;
 }

@@ -62,7 +62,7 @@ bool bb_pictures_wants(const struct bb_pictures *p, uint16_t wall)
 static enum bb_status measure(struct bb_pictures *p, const struct bb_draw *draw, const struct bb_image *image,
                               struct bb_picture_result *r)
 {
-	struct bb_image_difference d;
+	struct bb_image_difference d = { 0 };
 	struct bb_draw full = *draw;
 	struct bb_image reference;
 	enum bb_status status = bb_image_create(image->width, image->height, &reference);

@@ -11,10 +11,10 @@ for program in "$@"; do
 	code=$?
 	took=$(($(date +%s) - start))
 	ok=$(grep -c '^\[       OK \]' "$log")
-	bad=$(grep -c '^\[  FAILED  \] [a-z_0-9]*$' "$log")
-	skip=$(grep -c '^\[  SKIPPED \] [a-z_0-9]*$' "$log")
+	bad=$(grep '^\[  FAILED  \] [A-Za-z_0-9]*$' "$log" | sort -u | wc -l) # named again in the summary
+	skip=$(grep '^\[  SKIPPED \] [A-Za-z_0-9]*$' "$log" | sort -u | wc -l)
 	if grep -q '^\[==========\]' "$log"; then # a cmocka program: counts its own tests
-		grep -h '^SKIP' "$log"
+		grep -ihE '^SKIP(PED)?:' "$log"
 	else
 		ok=0 bad=0 skip=0
 		case $code in

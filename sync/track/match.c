@@ -127,7 +127,7 @@ static bool confirm(const struct bb_tracker *tr, int16_t *blob, struct bb_track_
 			point->n_cameras = (uint16_t)n;
 			return true;
 		}
-		if (n == 2)
+		if (n < 3)
 			return false;
 		blob[camera[worst]] = -1;
 	}
