@@ -11,7 +11,7 @@ static const struct unit {
 	{ "ns", "time", 1e-9 },     { "us", "time", 1e-6 },      { "ms", "time", 1e-3 },        { "s", "time", 1 },
 	{ "um", "length", 1e-6 },   { "mm", "length", 1e-3 },    { "cm", "length", 1e-2 },      { "m", "length", 1 },
 	{ "bytes", "size", 1 },     { "kib", "size", 1024 },     { "mib", "size", 1048576 },    { "db", "level", 1 },
-	{ "percent", "share", 1 },  { "count", "count", 1 },
+	{ "percent", "share", 1 },  { "count", "count", 1 }, { "deg", "angle", 1 },
 };
 
 static const struct unit *unit_of(const char *text)

@@ -19,7 +19,7 @@ for program in "$@"; do
 		ok=0 bad=0 skip=0
 		case $code in
 		0) ok=1 ;;
-		77) skip=1; grep -h '^SKIP' "$log" ;;
+		77) skip=1; grep -ihE '^(SKIP(PED)?|[a-z-]*: skipped):' "$log" ;;
 		*) bad=1 ;;
 		esac
 	fi
