@@ -159,6 +159,8 @@ static double weigh_incident(const struct blame *m, const struct bb_incident *in
 	double weight = 0;
 
 	*has_worst = false;
+	if (m->budget->metric == BB_METRIC_FRAME && kind == AT_NODE)
+		return 0; /* that a node was late is this very figure: the stage that took the time says more */
 	for (size_t i = 0; i < m->n; i++) {
 		const struct bb_sample *s = &m->sample[i];
 		const unsigned can = s->stage < BB_STAGE_COUNT ? stage_blame[s->stage] : metric_blame(m->budget->metric);

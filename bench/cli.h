@@ -54,7 +54,7 @@ int bb_cli_main(const struct bb_command *const *commands, int argc, const char *
 /* The git revision this was built from, "unknown" without one. */
 const char *bb_revision(void);
 
-/* Every command: one file bench/cmd_<name>.c each, listed in bench/main.c. */
+/* Every command: one file bench/cmd/<name>.c each, listed in bench/main.c. */
 extern const struct bb_command bb_cmd_run, bb_cmd_room_check, bb_cmd_room_draw, bb_cmd_devices, bb_cmd_doctor,
 	bb_cmd_bench, bb_cmd_compare, bb_cmd_trade;
 

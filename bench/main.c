@@ -2,7 +2,7 @@
  * bench/main.c: the program: which commands there are, in the order a person meets them.
  */
 #include "bench/cli.h"
-#include "bench/room_drawing.h"
+#include "bench/report/room_drawing.h"
 
 static const struct bb_command *const commands[] = { &bb_cmd_run,     &bb_cmd_room_check, &bb_cmd_room_draw,
 	                                             &bb_cmd_devices, &bb_cmd_doctor,     &bb_cmd_bench,

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sys/utsname.h>
 
-#include "bench/report_html.h"
-#include "bench/room_drawing.h"
+#include "bench/report/html.h"
+#include "bench/report/room_drawing.h"
 #include "hal/hash.h"
 
 #ifndef BB_REVISION

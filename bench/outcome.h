@@ -6,7 +6,7 @@
 #define BB_BENCH_OUTCOME_H
 
 #include "bench/facility.h"
-#include "bench/loop.h"
+#include "bench/loop/loop.h"
 
 struct bb_outcome_sources { /* all borrowed */
 	const struct bb_run_options *options;

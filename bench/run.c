@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 
 #include "bench/facility.h"
-#include "bench/loop.h"
+#include "bench/loop/loop.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
 

@@ -2,7 +2,7 @@
 #include "tests/fixture_result.h"
 
 #include "bench/file.h"
-#include "bench/report_html.h"
+#include "bench/report/html.h"
 
 #include <dirent.h>
 #include <fcntl.h>

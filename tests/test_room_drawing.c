@@ -11,8 +11,8 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "bench/room_check.h"
-#include "bench/room_drawing.h"
+#include "bench/cmd/room_check.h"
+#include "bench/report/room_drawing.h"
 #include "tests/room_text.h"
 
 static struct bb_room *load(const char *path)

@@ -1,0 +1,220 @@
+/* bench/cmd/run.c: `blackburst run ROOM SCENE`: one run, one verdict. */
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "bench/cli.h"
+#include "bench/run.h"
+
+static const struct bb_cli_option options[] = {
+	{ "seed", "N", "seed of every simulated device (default 1)" },
+	{ "out", "DIR", "result folder (default build/results/ROOM-SCENE)" },
+	{ "json", NULL, "print result.json on standard output" },
+	{ "clock", "virtual|posix", "virtual time (default), or real time with everything drawn" },
+	{ "gl", "auto|osmesa|egl", "offscreen GL context" },
+	{ "fault", "TEXT", "plant a fault, e.g. \"at 2.0s camera/c3 cover for 3s\" (repeatable)" },
+	{ "fault-file", "FILE", "plant the faults of a file, one a line" },
+	{ "list-faults", NULL, "print every fault verb and what it means" },
+	{ "duration", "S", "scene seconds instead of the scene's own" },
+	{ "fidelity", "CLASS=N", "model a device class at fidelity N, or -1 for not at all (repeatable)" },
+	{ "memory-mib", "N", "brick memory per node instead of the scene's" },
+	{ "stream-bricks", "N", "bricks a frame instead of the scene's" },
+	{ "plant-draw-us", "N", "add to every draw, to see the gate catch it" },
+	{ "plant-bricks", "N", "stream extra bricks a frame, to see the gate catch it" },
+	{ "no-pictures", NULL, "draw no pictures" },
+	{ "quiet", NULL, "no progress, no table" },
+	{ NULL, NULL, NULL },
+};
+
+static int list_faults(void)
+{
+	const struct sim_verb *verb;
+	const char *class_name;
+
+	for (size_t i = 0; (verb = sim_fault_verb(i, &class_name)); i++)
+		printf("%-9s %-14s %-26s %s\n", class_name, verb->name, verb->args, verb->meaning);
+	printf("\nWritten as: at 2.0s CLASS/ID VERB [key=value ...] [for 3s | for 20 frames]; `at boot` is before bring-up.\n");
+	return BB_EXIT_OK;
+}
+
+struct faults {
+	struct sim_fault *fault;
+	size_t n;
+};
+
+static enum bb_status add_fault(struct faults *f, const struct sim_fault *one)
+{
+	struct sim_fault *grown = realloc(f->fault, (f->n + 1) * sizeof(*grown));
+
+	if (!grown)
+		return BB_ERR_NOMEM;
+	grown[f->n++] = *one;
+	f->fault = grown;
+	return BB_OK;
+}
+
+static enum bb_status read_faults(const struct bb_cli *cli, struct faults *f, struct bb_error *err)
+{
+	const struct bb_where where = { "--fault", 0, 0 };
+	enum bb_status status = BB_OK;
+	const char *text;
+
+	for (int i = 0; status == BB_OK && (text = bb_cli_nth(cli, "fault-file", i)); i++) {
+		struct sim_fault *many = NULL;
+		size_t n = 0;
+		status = sim_fault_file(text, &many, &n, err);
+		for (size_t k = 0; k < n && status == BB_OK; k++)
+			status = add_fault(f, &many[k]);
+		free(many);
+	}
+	for (int i = 0; status == BB_OK && (text = bb_cli_nth(cli, "fault", i)); i++) {
+		struct sim_fault one;
+		status = sim_fault_parse(text, &one, &where, err);
+		if (status == BB_OK)
+			status = add_fault(f, &one);
+	}
+	return status;
+}
+
+static enum bb_status read_fidelity(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	const char *text;
+
+	for (int i = 0; (text = bb_cli_nth(cli, "fidelity", i)); i++) {
+		const char *equals = strchr(text, '=');
+		char *end = NULL;
+		int class = 0;
+		const long level = equals ? strtol(equals + 1, &end, 10) : -9;
+		while (class < BB_CLASS_COUNT && (!equals || strncmp(text, bb_class_text((enum bb_class)class),
+		                                                     (size_t)(equals - text)) ||
+		                                  strlen(bb_class_text((enum bb_class)class)) != (size_t)(equals - text)))
+			class++;
+		if (class == BB_CLASS_COUNT || !end || *end || end == equals + 1 || level < -1 || level > 2)
+			return bb_fail(err, BB_ERR_USAGE, 1701, NULL,
+			               "--fidelity %s: want CLASS=N, CLASS one of shutters, cameras, displays, monitors, "
+			               "power, gamepads and N from -1 to 2", text);
+		o->fidelity[class] = (int)level;
+	}
+	return BB_OK;
+}
+
+static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	double seed, bricks, plant_us, plant_bricks;
+	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, 9e15, &seed, err);
+
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "duration", 0, 0.1, 86400, &o->duration_s, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "memory-mib", -1, 0, 65536, &o->memory_mib, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "plant-draw-us", 0, 0, 1e6, &plant_us, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "plant-bricks", 0, 0, 1e6, &plant_bricks, err);
+	if (status != BB_OK)
+		return status;
+	o->seed = (uint64_t)seed;
+	o->stream_bricks = (int64_t)bricks;
+	o->plant_draw_ns = (int64_t)(plant_us * 1e3);
+	o->plant_bricks = (int64_t)plant_bricks;
+	return read_fidelity(cli, o, err);
+}
+
+static enum bb_status read_words(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	const char *clock = bb_cli_get(cli, "clock", "virtual");
+
+	o->gl = bb_cli_get(cli, "gl", "auto");
+	o->posix_clock = !strcmp(clock, "posix");
+	o->pictures = !bb_cli_has(cli, "no-pictures");
+	if (!o->posix_clock && strcmp(clock, "virtual"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--clock %s: want virtual or posix", clock);
+	if (strcmp(o->gl, "auto") && strcmp(o->gl, "osmesa") && strcmp(o->gl, "egl"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--gl %s: want auto, osmesa or egl", o->gl);
+	return BB_OK;
+}
+
+/* "build/results/cabin-epi" from the names of the two files. */
+static void default_folder(char *buf, size_t cap, const char *room, const char *scene)
+{
+	const char *r = strrchr(room, '/') ? strrchr(room, '/') + 1 : room;
+	const char *s = strrchr(scene, '/') ? strrchr(scene, '/') + 1 : scene;
+
+	snprintf(buf, cap, "build/results/%.*s-%.*s", (int)strcspn(r, "."), r, (int)strcspn(s, "."), s);
+}
+
+static void progress(void *ctx, double done, const char *what)
+{
+	int *shown = ctx;
+	const int percent = (int)(done * 100);
+
+	if (percent == *shown && percent)
+		return;
+	*shown = percent;
+	fprintf(stderr, "\r%-20s %3d %%", what, percent);
+	fflush(stderr);
+}
+
+static int report(const struct bb_cli *cli, const struct bb_run *run, const char *folder)
+{
+	const struct bb_run_result *r = run->result;
+
+	if (bb_cli_has(cli, "json")) {
+		char *text = bb_result_json_text(r);
+		if (!text)
+			return BB_EXIT_INTERNAL;
+		puts(text);
+		free(text);
+	} else if (!bb_cli_has(cli, "quiet")) {
+		bb_result_print(r, stdout, isatty(STDOUT_FILENO));
+		if (folder)
+			printf("\nreport: %s/report.html\n", folder);
+	}
+	return r->exit_code;
+}
+
+static int command(const struct bb_cli *cli)
+{
+	struct bb_run_options o = bb_run_options_default();
+	struct faults faults = { 0 };
+	struct bb_error err = { 0 };
+	struct bb_run run = { 0 };
+	char usual[BB_PATH_MAX_BYTES];
+	int shown = -1;
+
+	if (bb_cli_has(cli, "list-faults"))
+		return list_faults();
+	if (cli->n_args != 2)
+		return bb_cli_fail(bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "run wants a ROOM and a SCENE file"), &err);
+	o.room_path = cli->arg[0];
+	o.scene_path = cli->arg[1];
+	default_folder(usual, sizeof(usual), o.room_path, o.scene_path);
+	o.out_dir = bb_cli_get(cli, "out", usual);
+	if (isatty(STDERR_FILENO) && !bb_cli_has(cli, "quiet")) {
+		o.progress = progress;
+		o.progress_ctx = &shown;
+	}
+	enum bb_status status = read_numbers(cli, &o, &err);
+	if (status == BB_OK)
+		status = read_words(cli, &o, &err);
+	if (status == BB_OK)
+		status = read_faults(cli, &faults, &err);
+	o.faults = faults.fault;
+	o.n_faults = faults.n;
+	if (status == BB_OK)
+		status = bb_run(&o, &run, &err);
+	free(faults.fault);
+	if (o.progress && shown >= 0)
+		fprintf(stderr, "\r%40s\r", "");
+	const int code = status == BB_OK ? report(cli, &run, o.out_dir) : bb_cli_fail(status, &err);
+	bb_run_free(&run);
+	return code;
+}
+
+const struct bb_command bb_cmd_run = {
+	"run", "bring a room up, run a scene in it, end with a verdict", "ROOM SCENE [options]", options, 0, 2, command,
+};

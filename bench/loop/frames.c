@@ -1,0 +1,227 @@
+/* bench/loop/frames.c: closes frames: once the last flip is known a frame becomes samples, spans and a row. */
+#include "bench/loop/loop.h"
+
+#include <math.h>
+
+struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame)
+{
+	struct bb_frame *f = &l->frames[frame % BB_FRAMES_RING];
+
+	return f->open && f->frame == frame ? f : NULL;
+}
+
+static void sample(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, double value, double uncertainty,
+                   uint16_t node, enum bb_stage stage)
+{
+	const struct bb_sample s = { value, uncertainty, f->frame, f->start_ns, node, (uint16_t)stage };
+
+	bb_ledger_sample(l->ledger, metric, &s);
+}
+
+static void span(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_stage stage, uint16_t node, int64_t from_ns,
+                 int64_t to_ns)
+{
+	if (from_ns && to_ns >= from_ns)
+		bb_ledger_span(l->ledger, f->frame, stage, node, 0, from_ns, to_ns);
+}
+
+static void node_spans(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t node)
+{
+	const struct bb_node_times *t = &f->node[node];
+
+	span(l, f, BB_STAGE_STATE, node, f->tracked_ns, t->received_ns);
+	span(l, f, BB_STAGE_SELECT, node, t->received_ns, t->selected_ns);
+	span(l, f, BB_STAGE_DRAW, node, t->selected_ns, t->ready_ns);
+	if (t->ready_ns && t->released_ns)
+		span(l, f, BB_STAGE_BARRIER, node, t->ready_ns, t->released_ns);
+}
+
+/* Spread of the instants the nodes were released at; a node that was not released makes the frame incomplete. */
+static double swap_skew_us(const struct bb_frame_loop *l, const struct bb_frame *f)
+{
+	int64_t first_ns = INT64_MAX, last_ns = INT64_MIN;
+
+	for (size_t i = 0; i < l->room->n_nodes; i++) {
+		const int64_t at_ns = f->node[i].released_ns;
+		if (!(l->drawing_nodes >> i & 1) || !at_ns)
+			continue;
+		first_ns = at_ns < first_ns ? at_ns : first_ns;
+		last_ns = at_ns > last_ns ? at_ns : last_ns;
+	}
+	return first_ns == INT64_MAX ? (double)NAN : (double)(last_ns - first_ns) * 1e-3;
+}
+
+static uint16_t node_of(const struct bb_frame_loop *l, uint16_t screen)
+{
+	return l->room->screens[screen].node;
+}
+
+/* Which screens never showed this frame; a node that missed the barrier has excused its own. Returns the node to blame. */
+static uint16_t blame_missing_flips(struct bb_frame_loop *l, const struct bb_frame *f)
+{
+	uint16_t node = BB_NOBODY;
+
+	for (uint16_t s = 0; s < l->room->n_screens; s++) {
+		if (l->flipped[s] >> f->frame % 64 & 1)
+			continue;
+		node = node_of(l, s);
+		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
+			bb_watch_bad(l->watch, l->display_slot[s], f->release_ns, BB_HEALTH_DEGRADED, "never showed frame %llu",
+			             (unsigned long long)f->frame);
+	}
+	return node;
+}
+
+/* Torn: some screen showed this frame a whole refresh after another, or never. */
+static bool torn(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t *node)
+{
+	const struct bb_display_config *d = &l->room->screens[0].display;
+	const int64_t period_ns = bb_rate_period_ns(d->rate);
+	/* Without genlock vblanks lie anywhere in a refresh, and a held present adds up to a quarter. */
+	const int64_t most_ns = d->genlock ? period_ns / 2 : period_ns * 3 / 2;
+
+	if (l->master_screen < 0)
+		return false;
+	if (f->n_flips < l->room->n_screens) {
+		*node = blame_missing_flips(l, f);
+		return true;
+	}
+	*node = node_of(l, f->last_flip_screen);
+	return f->last_flip_ns - f->first_flip_ns > most_ns;
+}
+
+/* When the middle row of the last screen's image reaches the first eye that can see it. */
+static int64_t photon_ns(struct bb_frame_loop *l, const struct bb_frame *f, int64_t *middle_ns)
+{
+	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[f->last_flip_screen]);
+	const bool sequential = l->room->screens[f->last_flip_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL;
+
+	*middle_ns = f->last_flip_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
+	return sequential ? bb_phase_open_ns(&l->phase, BB_EYE_LEFT, *middle_ns) : *middle_ns;
+}
+
+static enum bb_stage dearest(const int64_t from[], const int64_t to[])
+{
+	enum bb_stage most = BB_STAGE_COUNT;
+	int64_t most_ns = 0;
+
+	for (int i = 0; i < BB_STAGE_COUNT; i++)
+		if (to[i] - from[i] > most_ns) {
+			most_ns = to[i] - from[i];
+			most = (enum bb_stage)i;
+		}
+	return most;
+}
+
+static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct bb_frame_row *row)
+{
+	const uint16_t node = node_of(l, f->last_flip_screen);
+	const struct bb_node_times *t = &f->node[node];
+	int64_t middle_ns;
+
+	if (!f->n_flips || l->master_screen < 0)
+		return;
+	const int64_t photon = photon_ns(l, f, &middle_ns);
+	const int64_t from[BB_STAGE_COUNT] = { f->mid_exposure_ns, f->readout_end_ns, f->arrived_ns, f->start_ns,
+		                               f->tracked_ns, t->received_ns, t->selected_ns, t->ready_ns,
+		                               t->released_ns, f->last_flip_ns, middle_ns };
+	const int64_t to[BB_STAGE_COUNT] = { f->readout_end_ns, f->arrived_ns, f->start_ns, f->tracked_ns, t->received_ns,
+		                             t->selected_ns, t->ready_ns, t->released_ns, f->last_flip_ns, middle_ns,
+		                             photon };
+	span(l, f, BB_STAGE_PRESENT, node, t->released_ns, f->last_flip_ns);
+	span(l, f, BB_STAGE_SCANOUT, node, f->last_flip_ns, middle_ns);
+	span(l, f, BB_STAGE_SHUTTER, node, middle_ns, photon);
+	if (l->world) {
+		const struct bb_pose truth = sim_world_head(l->world, photon);
+		row->photon_error_mm = bb_vec3_norm(bb_vec3_sub(truth.p, f->eyes.p)) * 1e3;
+		if (!(f->track_flags & BB_TRACK_NEVER))
+			sample(l, f, BB_METRIC_PHOTON_ERROR, row->photon_error_mm, 0, BB_NOBODY, BB_STAGE_TRACK);
+		bb_loop_path_point(l, photon, &truth.p, &f->eyes.p);
+	}
+	if (!f->mid_exposure_ns)
+		return;
+	row->head_to_photon_ms = (double)(photon - f->mid_exposure_ns) * 1e-6;
+	row->pose_age_ms = (double)(f->start_ns - f->mid_exposure_ns) * 1e-6;
+	/* The stamps it is made of: a camera's mid-exposure and a display's vblank. */
+	const double u_ms = (double)(bb_display_limits(l->rig->displays[f->last_flip_screen])->stamp_error_ns +
+	                             l->camera_map[0].uncertainty_ns) * 1e-6;
+	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(from, to));
+}
+
+/* One more of a metric that counts: the judge adds the samples up. */
+static void count_metric(struct bb_frame_loop *l, const struct bb_frame *f, enum bb_metric metric, uint16_t node,
+                         enum bb_stage stage)
+{
+	sample(l, f, metric, 1, 0, node, stage);
+}
+
+static uint16_t swapped_node(const struct bb_frame_loop *l, const struct bb_frame *f)
+{
+	return l->master_screen < 0 ? BB_NOBODY : node_of(l, f->swapped_screen);
+}
+
+static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
+{
+	struct bb_frame_row row = { .frame = f->frame, .start_ns = f->start_ns, .head_to_photon_ms = NAN, .frame_ms = NAN,
+		                    .scanout_skew_us = NAN, .phase_us = NAN, .pose_age_ms = NAN,
+		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = NAN, .cameras = f->cameras,
+		                    .bricks_wanted = f->bricks_wanted, .bricks_missing = f->bricks_missing,
+		                    .bricks_loaded = f->bricks_loaded, .late_node = UINT32_MAX, .bytes = f->bytes };
+	uint16_t torn_node = BB_NOBODY;
+	int64_t offset_ns;
+	unsigned stage;
+
+	f->open = false;
+	if (!f->release_ns)
+		return; /* the scene ended under it */
+	span(l, f, BB_STAGE_EXPOSE, BB_NOBODY, f->mid_exposure_ns, f->readout_end_ns);
+	span(l, f, BB_STAGE_TRANSFER, BB_NOBODY, f->readout_end_ns, f->arrived_ns);
+	span(l, f, BB_STAGE_WAIT, BB_NOBODY, f->arrived_ns, f->start_ns);
+	span(l, f, BB_STAGE_TRACK, BB_NOBODY, f->start_ns, f->tracked_ns);
+	for (uint16_t i = 0; i < l->room->n_nodes; i++) {
+		const struct bb_node_times *t = &f->node[i];
+		if (!(l->drawing_nodes >> i & 1))
+			continue;
+		node_spans(l, f, i);
+		if (t->ready_ns && !((double)(t->ready_ns - t->received_ns) * 1e-6 <= row.frame_ms))
+			row.frame_ms = (double)(t->ready_ns - t->received_ns) * 1e-6;
+	}
+	row.swap_skew_us = swap_skew_us(l, f);
+	if (isfinite(row.swap_skew_us))
+		sample(l, f, BB_METRIC_SWAP_SKEW, row.swap_skew_us, 0, (uint16_t)f->last_node, BB_STAGE_BARRIER);
+	if (f->n_flips > 1) {
+		row.scanout_skew_us = (double)(f->last_flip_ns - f->first_flip_ns) * 1e-3;
+		sample(l, f, BB_METRIC_SCANOUT_SKEW, row.scanout_skew_us, 0, node_of(l, f->last_flip_screen),
+		       BB_STAGE_PRESENT);
+	}
+	head_to_photon(l, f, &row);
+	if (l->rig->shutter && bb_phase_worst(&l->phase, &offset_ns, &stage))
+		row.phase_us = (double)offset_ns * 1e-3;
+	if (torn(l, f, &torn_node)) {
+		row.flags |= BB_FRAME_TORN;
+		count_metric(l, f, BB_METRIC_TORN_FRAMES, torn_node, BB_STAGE_PRESENT);
+	}
+	if (f->late) {
+		row.late_node = f->last_node;
+		count_metric(l, f, BB_METRIC_LATE_FRAMES, (uint16_t)f->last_node, BB_STAGE_DRAW);
+	}
+	if (f->eyes_swapped) {
+		row.flags |= BB_FRAME_EYES_SWAPPED;
+		count_metric(l, f, BB_METRIC_EYE_SWAPS, swapped_node(l, f), BB_STAGE_SHUTTER);
+	}
+	row.flags |= f->track_flags & (BB_TRACK_FROZEN | BB_TRACK_NEVER) ? BB_FRAME_POSE_OLD : 0;
+	row.flags |= f->view_flags ? BB_FRAME_VIEW_CLAMPED : 0;
+	bb_result_count(l->result, "frames", 1);
+	bb_result_count(l->result, "flips", f->n_flips);
+	bb_result_count(l->result, "views_clamped", f->view_flags ? 1 : 0);
+	bb_ledger_row(l->ledger, &row);
+}
+
+void bb_frames_close(struct bb_frame_loop *l, uint64_t before)
+{
+	for (; l->closed < before && l->closed < l->n_frames; l->closed++) {
+		struct bb_frame *f = bb_loop_frame(l, l->closed);
+		if (f)
+			close_frame(l, f);
+	}
+}

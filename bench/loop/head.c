@@ -1,0 +1,235 @@
+/* bench/loop/head.c: the head node: begins frames, tells the nodes, keeps the barrier. */
+#include "bench/loop/loop.h"
+
+#include <math.h>
+#include <string.h>
+
+/* ---- time in the data ---- */
+
+static double steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s)
+{
+	const double last = n_steps > 1 ? (double)(n_steps - 1) : 0;
+	const double at = scene->data.seconds_per_step > 0 ? t_s / scene->data.seconds_per_step : 0;
+
+	if (last <= 0)
+		return 0;
+	if (scene->data.loop == BB_LOOP_HOLD)
+		return fmin(at, last);
+	if (scene->data.loop == BB_LOOP_REPEAT)
+		return fmod(at, last);
+	const double turn = fmod(at, 2 * last);
+	return turn <= last ? turn : 2 * last - turn;
+}
+
+/* ---- where and when ---- */
+
+/* The time the middle row of this frame's image should reach an eye if all goes as planned. */
+static int64_t planned_photon_ns(const struct bb_frame_loop *l, int64_t start_ns)
+{
+	if (l->master_screen < 0)
+		return start_ns + l->frame_ns;
+	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[l->master_screen]);
+	const int64_t middle_ns = start_ns + l->refresh_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
+
+	/* The first eye: with external shutters one of the two is always open. */
+	if (l->room->screens[l->master_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL)
+		return bb_phase_open_ns(&l->phase, BB_EYE_LEFT, middle_ns);
+	return middle_ns;
+}
+
+static void predict_head(struct bb_frame_loop *l, struct bb_frame *f)
+{
+	f->eyes = (struct bb_pose){ l->room->neutral, BB_QUAT_IDENTITY };
+	f->track_flags = BB_TRACK_NEVER;
+	if (!l->tracker)
+		return;
+	const struct bb_track_pose pose = bb_tracker_pose(l->tracker, 0, f->photon_ns);
+	f->eyes = pose.eyes;
+	f->track_flags = pose.flags;
+	const struct bb_sample tracked = { .value = pose.flags & (BB_TRACK_FROZEN | BB_TRACK_NEVER) ? 0 : 100,
+		                           .frame = f->frame, .at_ns = f->start_ns, .node = BB_NOBODY,
+		                           .stage = BB_STAGE_TRACK };
+	bb_ledger_sample(l->ledger, BB_METRIC_TRACKED, &tracked);
+}
+
+/* ---- begin ---- */
+
+static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_frame *f = &l->frames[l->n_frames % BB_FRAMES_RING];
+
+	memset(f, 0, sizeof(*f));
+	f->frame = l->n_frames++;
+	f->open = true;
+	f->start_ns = now_ns;
+	f->pose_error_mm = NAN;
+	f->last_node = BB_NOBODY;
+	for (size_t s = 0; s < l->room->n_screens; s++)
+		l->flipped[s] &= ~(UINT64_C(1) << f->frame % 64);
+	return f;
+}
+
+int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
+	const struct bb_node_machine *head = &l->nodes[bb_loop_head(l)];
+
+	if (now_ns >= l->end_ns) {
+		bb_clock_stop(l->clk);
+		return BB_NEVER;
+	}
+	for (size_t i = 0; i < l->room->n_nodes; i++)
+		bb_node_flips(l, &l->nodes[i]);
+	if (l->n_frames >= 3)
+		bb_frames_close(l, l->n_frames - 2);
+	struct bb_frame *f = open_frame(l, now_ns);
+	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;
+	l->turn_ns = now_ns;
+	bb_shutters_read(l, f, scheduled_ns);
+	bb_track_read(l, f, scheduled_ns);
+	bb_pads_read(l, scheduled_ns);
+
+	const double t_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
+	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
+	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
+	const uint32_t n_steps = l->volume ? l->volume->n_steps : 1;
+	l->steps = steps_at(l->scene, n_steps, t_s);
+	l->next_steps = steps_at(l->scene, n_steps, t_s + 0.25);
+	f->photon_ns = planned_photon_ns(l, now_ns);
+	predict_head(l, f);
+	const int64_t cost_ns = l->tracker && !l->draw_everything ? (int64_t)head->profile.track_ns : 0;
+	if (bb_clock_arm(l->clk, &l->send, bb_clock_now_ns(l->clk) + cost_ns) != BB_OK)
+		bb_clock_stop(l->clk);
+	if (l->options->progress)
+		l->options->progress(l->options->progress_ctx,
+		                     (double)(now_ns - l->scene_start_ns) / (double)(l->end_ns - l->scene_start_ns),
+		                     "frames");
+	return BB_NEVER;
+}
+
+int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, send);
+	struct bb_frame *f = bb_loop_frame(l, l->n_frames - 1);
+	const unsigned head = bb_loop_head(l);
+	const struct bb_message m = { .kind = BB_MESSAGE_STATE,
+		                      .frame = f->frame,
+		                      .photon_ns = f->photon_ns,
+		                      .eyes = f->eyes,
+		                      .navigation = l->navigation,
+		                      .steps = l->steps,
+		                      .next_steps = l->next_steps };
+	(void)scheduled_ns;
+
+	f->tracked_ns = now_ns;
+	bb_barrier_open(&l->barrier, f->frame, l->drawing_nodes, now_ns);
+	if (bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
+		bb_clock_stop(l->clk);
+	for (unsigned i = 0; i < l->room->n_nodes; i++)
+		if (l->drawing_nodes >> i & 1)
+			bb_loop_say(l, head, i, &m);
+	return BB_NEVER;
+}
+
+/* ---- barrier ---- */
+
+/* May a frame begin at this vblank? Frame-sequential ones begin where the next vblank is the left eye's. */
+static bool begins_here(const struct bb_frame_loop *l, int64_t vblank_ns, int64_t period_ns)
+{
+	if (l->room->screens[l->master_screen].display.stereo != BB_STEREO_FRAME_SEQUENTIAL)
+		return true;
+	return bb_phase_eye_at(&l->phase, vblank_ns + period_ns + period_ns / 2) != BB_EYE_RIGHT;
+}
+
+int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_vblank v;
+
+	if (l->master_screen < 0 || bb_display_vblank(l->rig->displays[l->master_screen], &v) != BB_OK) {
+		const int64_t n = (now_ns - l->scene_start_ns) / l->frame_ns + 1;
+		return l->scene_start_ns + bb_rate_frame_ns(l->frame_rate, n);
+	}
+	const int64_t period_ns = bb_display_limits(l->rig->displays[l->master_screen])->period_ns;
+	int64_t at_ns = v.at_ns;
+	do
+		at_ns += period_ns;
+	while (at_ns + VBLANK_GUARD_NS <= now_ns || !begins_here(l, at_ns, period_ns));
+	return at_ns + VBLANK_GUARD_NS;
+}
+
+static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
+{
+	for (unsigned i = 0; i < l->room->n_nodes; i++) {
+		const bool missing = f->missing_nodes >> i & 1;
+		if (missing || (f->late && i == f->last_node))
+			bb_watch_bad(l->watch, l->node_slot[i], now_ns, missing ? BB_HEALTH_LOST : BB_HEALTH_DEGRADED,
+			             missing ? "frame %llu: did not come to the swap barrier"
+			                     : "frame %llu: came last and too late to the swap barrier",
+			             (unsigned long long)f->frame);
+		else if (l->drawing_nodes >> i & 1)
+			bb_watch_good(l->watch, l->node_slot[i], now_ns);
+	}
+}
+
+static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
+{
+	const unsigned head = bb_loop_head(l);
+	struct bb_release r;
+
+	if (!bb_barrier_step(&l->barrier, now_ns, &r))
+		return;
+	struct bb_frame *f = bb_loop_frame(l, r.frame);
+	const struct bb_message m = { .kind = BB_MESSAGE_RELEASE, .frame = r.frame };
+	bb_clock_disarm(l->clk, &l->deadline);
+	if (f) {
+		f->release_ns = now_ns;
+		f->last_node = r.last;
+		f->missing_nodes = r.missing;
+		f->late = now_ns > f->start_ns + l->refresh_ns;
+		blame_late_node(l, f, now_ns);
+	}
+	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
+	                (int64_t)r.frame, (int64_t)r.missing);
+	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)head, now_ns, (int32_t)r.frame);
+	for (unsigned i = 0; i < l->room->n_nodes; i++)
+		if (l->drawing_nodes >> i & 1)
+			bb_loop_say(l, head, i, &m);
+	if (bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, now_ns)) != BB_OK)
+		bb_clock_stop(l->clk);
+}
+
+int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	(void)scheduled_ns;
+	step_barrier(bb_container_of(timer, struct bb_frame_loop, deadline), now_ns);
+	return BB_NEVER;
+}
+
+void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns)
+{
+	if (m->kind != BB_MESSAGE_ARRIVE)
+		return;
+	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_ARRIVE, now_ns,
+	                (int64_t)m->frame, from);
+	bb_barrier_arrive(&l->barrier, from, m->frame, now_ns);
+	step_barrier(l, now_ns);
+}
+
+int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, head_inbox);
+	struct bb_link_message packet;
+	struct bb_message m;
+	(void)scheduled_ns;
+
+	while (bb_link_receive(l->rig->link, (uint16_t)bb_loop_head(l), &packet) == BB_OK) {
+		if (packet.n_bytes != sizeof(m))
+			continue;
+		memcpy(&m, packet.bytes, sizeof(m));
+		if (m.kind == BB_MESSAGE_ARRIVE)
+			bb_head_hear(l, packet.from, &m, now_ns);
+		else
+			bb_node_hear(&l->nodes[bb_loop_head(l)], &m, now_ns);
+	}
+	return BB_NEVER;
+}

@@ -1,0 +1,362 @@
+/* bench/loop/loop.c: takes and gives back everything the loop needs, and lets the clock run. */
+#include "bench/loop/loop.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "bench/loop/tracking.h"
+
+#define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
+#define BARRIER_DROP_AFTER 3
+#define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
+
+unsigned bb_loop_head(const struct bb_frame_loop *l)
+{
+	for (unsigned i = 0; i < l->room->n_nodes; i++)
+		if (l->room->nodes[i].head)
+			return i;
+	return 0;
+}
+
+void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m)
+{
+	const int64_t now_ns = bb_clock_now_ns(l->clk);
+
+	if (from != to) {
+		if (bb_link_send(l->rig->link, (uint16_t)from, (uint16_t)to, m, sizeof(*m)) != BB_OK)
+			bb_result_count(l->result, "messages_refused", 1);
+	} else if (m->kind == BB_MESSAGE_ARRIVE) {
+		bb_head_hear(l, from, m, now_ns);
+	} else {
+		bb_node_hear(&l->nodes[to], m, now_ns);
+	}
+}
+
+void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked)
+{
+	if (l->result->n_path < l->path_cap)
+		l->result->path[l->result->n_path++] =
+			(struct bb_path_point){ (double)(at_ns - l->scene_start_ns) * 1e-9, *truth, *tracked };
+}
+
+struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen)
+{
+	const double scale = l->scene->pictures.scale > 0 ? l->scene->pictures.scale : 1;
+	const uint32_t w = (uint32_t)fmax(1, scale * (double)screen->display.width_px);
+	const uint32_t h = (uint32_t)fmax(1, scale * (double)screen->display.height_px);
+
+	if (l->canvas.width == w && l->canvas.height == h)
+		return &l->canvas;
+	bb_image_release(&l->canvas);
+	return bb_image_create(w, h, &l->canvas) == BB_OK ? &l->canvas : NULL;
+}
+
+/* ---- creation ---- */
+
+static void find_pace(struct bb_frame_loop *l)
+{
+	const struct bb_display_config *d = l->room->n_screens ? &l->room->screens[0].display : NULL;
+
+	l->master_screen = d && l->rig->displays[0] ? 0 : -1;
+	l->frame_rate = d ? d->rate : (struct bb_rate){ 60, 1 };
+	l->n_eyes = d && d->stereo != BB_STEREO_MONO ? 2 : 1;
+	if (d && d->stereo == BB_STEREO_FRAME_SEQUENTIAL)
+		l->frame_rate.den *= 2; /* a frame is a left and a right image */
+	l->frame_ns = bb_rate_period_ns(l->frame_rate);
+	l->refresh_ns = d ? bb_rate_period_ns(d->rate) : l->frame_ns;
+}
+
+static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_machine *n)
+{
+	const struct bb_run_options *o = l->options;
+	const double mib = o->memory_mib >= 0 ? o->memory_mib : l->scene->memory_mib;
+	const int64_t bricks = (o->stream_bricks >= 0 ? o->stream_bricks : l->scene->stream_bricks_per_frame);
+	struct bb_stream_config c = { .volume = l->volume, .transfer = l->transfer,
+		                      .placement = bb_loop_placement(l->scene, l->volume),
+		                      .memory_bytes = (uint64_t)(mib * 1048576),
+		                      .bricks_per_frame = (uint32_t)(bricks ? bricks + o->plant_bricks : 0) };
+
+	return l->volume ? bb_stream_create(&c, &n->stream) : BB_OK;
+}
+
+struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *v)
+{
+	struct bb_placement p = { .pose = { scene->data.centre_m, bb_quat_euler_deg(scene->data.yaw_deg,
+		                                                                    scene->data.pitch_deg,
+		                                                                    scene->data.roll_deg) } };
+	double edge[3], longest = 0;
+
+	for (int i = 0; v && i < 3; i++) {
+		edge[i] = v->dim[i] * v->spacing_mm[i];
+		longest = fmax(longest, edge[i]);
+	}
+	if (longest > 0)
+		p.size_m = bb_vec3_scale((struct bb_vec3){ edge[0], edge[1], edge[2] }, scene->data.width_m / longest);
+	return p;
+}
+
+static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struct bb_error *err)
+{
+	struct bb_node_machine *n = &l->nodes[index];
+	size_t at = 0;
+
+	n->loop = l;
+	n->index = index;
+	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
+	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
+	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
+	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
+	for (size_t i = 0; i < l->room->n_screens; i++)
+		n->n_screens += l->room->screens[i].node == index;
+	n->screens = calloc(n->n_screens + 1, sizeof(*n->screens));
+	n->n_views = n->n_screens * l->n_eyes;
+	n->views = calloc(n->n_views + 1, sizeof(*n->views));
+	n->target = calloc(n->n_screens + 1, sizeof(*n->target));
+	if (!n->screens || !n->views || !n->target)
+		return BB_ERR_NOMEM;
+	for (uint16_t i = 0; i < l->room->n_screens; i++)
+		if (l->room->screens[i].node == index)
+			n->screens[at++] = i;
+	enum bb_status status = bb_profile_load_for(l->room->path, l->room->nodes[index].profile, &n->profile, err);
+	if (status != BB_OK || !n->n_screens)
+		return status;
+	l->drawing_nodes |= UINT64_C(1) << index;
+	return create_stream(l, n);
+}
+
+/* The walls' box, grown to a metre around the viewer: a single screen has no depth of its own. */
+static struct bb_vec3 around(struct bb_vec3 corner, struct bb_vec3 viewer, int sign)
+{
+	return (struct bb_vec3){ sign * fmax(sign * corner.x, sign * viewer.x + 1),
+		                 sign * fmax(sign * corner.y, sign * viewer.y + 1),
+		                 sign * fmax(sign * corner.z, sign * viewer.z + 1) };
+}
+
+static enum bb_status create_tracker(struct bb_frame_loop *l)
+{
+	const struct bb_room *room = l->room;
+	double sigma_px = 0.02;
+
+	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
+		return BB_OK;
+	for (size_t i = 0; i < room->n_cameras; i++)
+		sigma_px = fmax(sigma_px, bb_camera_limits(l->rig->cameras[i])->blob_error_px);
+	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
+		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
+		                             .blob_sigma_px = sigma_px, .group_ns = 500000, .freeze_ns = 100000000,
+		                             .room_min = around(room->min, room->neutral, -1),
+		                             .room_max = around(room->max, room->neutral, 1),
+		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
+	return bb_tracker_create(&c, &l->tracker);
+}
+
+static enum bb_status start_cameras(struct bb_frame_loop *l)
+{
+	for (size_t i = 0; i < l->room->n_cameras; i++) {
+		if (!l->rig->cameras[i])
+			continue;
+		bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
+		l->camera_slot[i] = bb_watch_slot(l->watch, "camera", l->room->cameras[i].id);
+		const enum bb_status status = bb_camera_start(l->rig->cameras[i]);
+		if (status != BB_OK)
+			return status;
+	}
+	return BB_OK;
+}
+
+static void take_slots(struct bb_frame_loop *l)
+{
+	for (size_t i = 0; i < l->room->n_gamepads; i++)
+		if (l->rig->gamepads[i])
+			l->gamepad_slot[i] = bb_watch_slot(l->watch, "gamepad", l->room->gamepads[i].id);
+	for (size_t i = 0; i < l->room->n_nodes; i++)
+		l->node_slot[i] = bb_watch_slot(l->watch, "node", l->room->nodes[i].id);
+	for (size_t i = 0; i < l->room->n_screens; i++)
+		if (l->rig->displays[i])
+			l->display_slot[i] = bb_watch_slot(l->watch, "display", l->room->screens[i].id);
+	if (l->rig->shutter) {
+		l->shutter_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+	}
+}
+
+static bool take_memory(struct bb_frame_loop *l)
+{
+	const struct bb_room *r = l->room;
+
+	l->nodes = calloc(r->n_nodes, sizeof(*l->nodes));
+	l->camera_map = calloc(r->n_cameras + 1, sizeof(*l->camera_map));
+	l->camera_seq = calloc(r->n_cameras + 1, sizeof(*l->camera_seq));
+	l->camera_seen_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_seen_ns));
+	l->camera_blind = calloc(r->n_cameras + 1, sizeof(*l->camera_blind));
+	l->camera_same = calloc(r->n_cameras + 1, sizeof(*l->camera_same));
+	l->camera_astray = calloc(r->n_cameras + 1, sizeof(*l->camera_astray));
+	l->camera_sum = calloc(r->n_cameras + 1, sizeof(*l->camera_sum));
+	l->camera_phase_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_phase_ns));
+	l->camera_phased = calloc(r->n_cameras + 1, sizeof(*l->camera_phased));
+	l->camera_unused = calloc(r->n_cameras + 1, sizeof(*l->camera_unused));
+	l->camera_used = calloc(r->n_cameras + 1, sizeof(*l->camera_used));
+	l->camera_slot = calloc(r->n_cameras + 1, sizeof(*l->camera_slot));
+	l->gamepad_slot = calloc(r->n_gamepads + 1, sizeof(*l->gamepad_slot));
+	l->pad = calloc(r->n_gamepads + 1, sizeof(*l->pad));
+	l->pad_seen = calloc(r->n_gamepads + 1, sizeof(*l->pad_seen));
+	l->node_slot = calloc(r->n_nodes + 1, sizeof(*l->node_slot));
+	l->flipped = calloc(r->n_screens + 1, sizeof(*l->flipped));
+	l->display_slot = calloc(r->n_screens + 1, sizeof(*l->display_slot));
+	l->reads = calloc(TRACK_READS_MAX, sizeof(*l->reads));
+	l->blobs = calloc(TRACK_READS_MAX, BB_CAMERA_BLOBS_MAX * sizeof(*l->blobs));
+	l->result->path = calloc(l->path_cap, sizeof(*l->result->path));
+	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_same && l->camera_astray && l->camera_sum && l->camera_phase_ns && l->camera_phased && l->camera_unused && l->camera_used && l->camera_slot &&
+	       l->gamepad_slot && l->pad && l->pad_seen && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
+	       l->result->path;
+}
+
+enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
+{
+	enum bb_status status = BB_OK;
+
+	find_pace(l);
+	l->navigation = BB_POSE_IDENTITY;
+	l->path_cap = (size_t)(l->scene->duration_s * bb_rate_hz(l->frame_rate)) + 16;
+	if (!take_memory(l))
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the frame loop");
+	l->begin = (struct bb_timer){ .step = bb_head_begin, .rank = 3 };
+	l->send = (struct bb_timer){ .step = bb_head_send, .rank = 3 };
+	l->head_inbox = (struct bb_timer){ .step = bb_head_inbox, .rank = 3 };
+	l->deadline = (struct bb_timer){ .step = bb_head_deadline, .rank = 4 };
+	if (l->rig->shutter)
+		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
+	take_slots(l);
+	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
+		status = create_node(l, i, err);
+	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes,
+	                l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
+	if (status == BB_OK)
+		status = create_tracker(l);
+	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
+}
+
+void bb_loop_destroy(struct bb_frame_loop *l)
+{
+	bb_clock_disarm(l->clk, &l->begin);
+	bb_clock_disarm(l->clk, &l->send);
+	bb_clock_disarm(l->clk, &l->head_inbox);
+	bb_clock_disarm(l->clk, &l->deadline);
+	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
+		struct bb_node_machine *n = &l->nodes[i];
+		bb_clock_disarm(l->clk, &n->inbox);
+		bb_clock_disarm(l->clk, &n->ready);
+		bb_clock_disarm(l->clk, &n->hold);
+		bb_stream_destroy(n->stream);
+		free(n->screens);
+		free(n->views);
+		free(n->target);
+	}
+	bb_tracker_destroy(l->tracker);
+	bb_image_release(&l->canvas);
+	free(l->nodes);
+	free(l->camera_map);
+	free(l->camera_seq);
+	free(l->camera_seen_ns);
+	free(l->camera_blind);
+	free(l->camera_same);
+	free(l->camera_astray);
+	free(l->camera_sum);
+	free(l->camera_phase_ns);
+	free(l->camera_phased);
+	free(l->camera_unused);
+	free(l->camera_used);
+	free(l->camera_slot);
+	free(l->gamepad_slot);
+	free(l->pad);
+	free(l->pad_seen);
+	free(l->node_slot);
+	free(l->display_slot);
+	free(l->flipped);
+	free(l->reads);
+	free(l->blobs);
+}
+
+/* ---- running ---- */
+
+/* Projector shutters switch with the glasses: every stage gets the emitter's delay. */
+static enum bb_status start_shutters(struct bb_frame_loop *l)
+{
+	const struct bb_shutter_config *c = &l->room->chain;
+	const int64_t delay_ns = (int64_t)(c->emitter_offset_us * 1e3);
+	enum bb_status status = BB_OK;
+
+	if (!l->rig->shutter)
+		return BB_OK;
+	for (uint8_t i = 0; i < c->n_stages && status == BB_OK; i++)
+		status = bb_shutter_set_phase(l->rig->shutter, i, delay_ns, 500000);
+	if (status == BB_OK)
+		status = bb_shutter_set_phase(l->rig->shutter, BB_STAGE_EMITTER, delay_ns, 500000);
+	if (status == BB_OK)
+		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
+	return status;
+}
+
+static enum bb_status start_links(struct bb_frame_loop *l)
+{
+	const unsigned head = bb_loop_head(l);
+	enum bb_status status = bb_link_notify(l->rig->link, (uint16_t)head, &l->head_inbox);
+
+	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
+		if (i != head)
+			status = bb_link_notify(l->rig->link, i, &l->nodes[i].inbox);
+	return status;
+}
+
+/* Counting metrics start at 0, so that "none in the whole run" is a measurement and not a missing one. */
+static void start_counts(struct bb_frame_loop *l)
+{
+	const struct bb_sample none = { .at_ns = l->scene_start_ns, .node = BB_NOBODY, .stage = BB_STAGE_COUNT };
+
+	bb_ledger_sample(l->ledger, BB_METRIC_LATE_FRAMES, &none);
+	if (l->master_screen >= 0)
+		bb_ledger_sample(l->ledger, BB_METRIC_TORN_FRAMES, &none);
+	if (l->rig->shutter)
+		bb_ledger_sample(l->ledger, BB_METRIC_EYE_SWAPS, &none);
+}
+
+enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
+{
+	const double duration_s = l->options->duration_s > 0 ? l->options->duration_s : l->scene->duration_s;
+	/* A quarter of a second for edges, camera clocks and pose to settle before the scene's time 0. */
+	const int64_t settle_ns = BB_NS_PER_S / 4;
+	enum bb_status status = start_shutters(l);
+
+	for (size_t i = 0; l->draw_everything && i < l->room->n_nodes; i++)
+		bb_node_warm_up(&l->nodes[i]);
+	if (status == BB_OK)
+		status = start_cameras(l);
+	if (status == BB_OK)
+		status = start_links(l);
+	l->scene_start_ns = bb_clock_now_ns(l->clk) + settle_ns;
+	l->end_ns = l->scene_start_ns + (int64_t)(duration_s * 1e9);
+	if (l->world)
+		sim_world_set_scene_start(l->world, l->scene_start_ns);
+	if (status == BB_OK && l->world)
+		status = sim_faults_start(l->world);
+	for (size_t i = 0; i < l->room->n_cameras; i++)
+		l->camera_seen_ns[i] = l->scene_start_ns;
+	start_counts(l);
+	bb_clock_run_until(l->clk, l->scene_start_ns);
+	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
+	l->edge_ns = l->scene_start_ns;
+	if (status == BB_OK)
+		status = bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, l->scene_start_ns));
+	if (status != BB_OK)
+		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
+	/* The loop stops the clock itself at its first frame past the end. */
+	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
+	/* The last frames' flips would come after the end: they are let go, not judged. */
+	for (size_t i = 0; i < l->room->n_nodes; i++)
+		bb_node_flips(l, &l->nodes[i]);
+	if (l->n_frames > 2)
+		bb_frames_close(l, l->n_frames - 2);
+	return BB_OK;
+}

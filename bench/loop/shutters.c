@@ -1,0 +1,127 @@
+/* bench/loop/shutters.c: the chain's edges into phase and polarity, once a frame. */
+#include "bench/loop/loop.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#define READ_AT_ONCE 64
+
+static double phase_limit_us(const struct bb_room *room)
+{
+	for (size_t i = 0; i < room->n_budgets; i++)
+		if (room->budgets[i].metric == BB_METRIC_PHASE)
+			return room->budgets[i].limit;
+	return INFINITY;
+}
+
+static void sample_phase(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
+{
+	int64_t offset_ns;
+	unsigned stage;
+
+	if (!bb_phase_worst(&l->phase, &offset_ns, &stage))
+		return;
+	const int wall = bb_room_wall(l->room, l->room->chain.stage[stage]);
+	const struct bb_sample s = { .value = (double)offset_ns * 1e-3,
+		                     .uncertainty = (double)bb_shutter_limits(l->rig->shutter)->stamp_error_ns * 1e-3,
+		                     .frame = f->frame,
+		                     .at_ns = now_ns,
+		                     .node = wall < 0 ? BB_NOBODY : (uint16_t)bb_room_node(l->room, l->room->walls[wall].node),
+		                     .stage = BB_STAGE_SHUTTER };
+
+	bb_ledger_sample(l->ledger, BB_METRIC_PHASE, &s);
+	if (fabs(s.value) > phase_limit_us(l->room))
+		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_DEGRADED, "stage %s switches %+.0f us from the glasses",
+		             l->room->chain.stage[stage], s.value);
+	else
+		bb_watch_good(l->watch, l->shutter_slot, now_ns);
+}
+
+/* Which stage opens for the other eye than the glasses do? -1: none. */
+static int inverted_stage(const struct bb_phase *p)
+{
+	for (unsigned i = 0; i < p->n_stages; i++)
+		if (p->stage[i].paired && p->stage[i].eye_differs)
+			return (int)i;
+	return -1;
+}
+
+static void watch_polarity(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
+{
+	const int stage = inverted_stage(&l->phase);
+
+	if (stage < 0) {
+		bb_watch_good(l->watch, l->polarity_slot, now_ns);
+		return;
+	}
+	f->eyes_swapped = true;
+	bb_watch_bad(l->watch, l->polarity_slot, now_ns, BB_HEALTH_DEGRADED,
+	             "eye polarity inverted: stage %s and the glasses open for different eyes", l->room->chain.stage[stage]);
+}
+
+/* Rows G2, G6, G7: spurious edges, a burst of jitter (2 % of the period), another rate. */
+static void watch_rhythm(struct bb_frame_loop *l, int64_t now_ns)
+{
+	const struct bb_phase *p = &l->phase;
+	const double period_ns = (double)p->nominal_ns;
+	uint64_t doubled = p->emitter.doubled;
+
+	for (unsigned i = 0; i < p->n_stages; i++)
+		doubled += p->stage[i].doubled;
+	if (doubled > l->doubled_seen)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "%llu spurious edges",
+		             (unsigned long long)(doubled - l->doubled_seen));
+	else if (fabs(p->recent_ns - period_ns) > 0.01 * period_ns)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "the sync runs at %.2f Hz, want %.2f",
+		             1e9 / p->recent_ns, 1e9 / period_ns);
+	else if (bb_phase_jitter_ns(p) > 0.02 * period_ns)
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "sync jitter %.0f us rms",
+		             bb_phase_jitter_ns(p) * 1e-3);
+	else
+		bb_watch_good(l->watch, l->rhythm_slot, now_ns);
+	l->doubled_seen = doubled;
+}
+
+static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
+{
+	const int64_t silent_ns = now_ns - l->edge_ns;
+	const int64_t period_ns = (int64_t)bb_phase_period_ns(&l->phase);
+
+	/* Row G1: stuck after 1.5 periods; what is read once a frame may be a frame old as well. */
+	if (!l->was_away && silent_ns > l->frame_ns + period_ns * 3 / 2)
+		bb_watch_bad(l->watch, l->shutter_slot, now_ns,
+		             silent_ns > 8 * BB_NS_PER_S ? BB_HEALTH_LOST : BB_HEALTH_HOLDOVER,
+		             "sync lost: no edge for %.1f ms", (double)silent_ns * 1e-6);
+}
+
+void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_shutter_edge edges[READ_AT_ONCE];
+	enum bb_status status = BB_OK;
+	size_t n;
+
+	if (!l->rig->shutter)
+		return;
+	while ((status = bb_shutter_read(l->rig->shutter, edges, READ_AT_ONCE, &n)) == BB_OK) {
+		for (size_t i = 0; i < n; i++) {
+			bb_phase_edge(&l->phase, &edges[i]);
+			if (edges[i].stage == BB_STAGE_EMITTER)
+				l->edge_ns = edges[i].at_ns;
+			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye);
+		}
+	}
+	if (status < 0)
+		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "the chain is gone: %s",
+		             bb_status_text(status));
+}
+
+void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
+{
+	if (!l->rig->shutter)
+		return;
+	bb_shutters_feed(l, now_ns);
+	sample_phase(l, f, now_ns);
+	watch_polarity(l, f, now_ns);
+	watch_edges(l, now_ns);
+	watch_rhythm(l, now_ns);
+}

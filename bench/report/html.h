@@ -1,0 +1,40 @@
+/*
+ * bench/report/html.h: report.html: one file that works offline, asks the network for nothing and runs no script.
+ * The parts live in html.c (order and head), tables.c (everything that is a table), plots.c (SVG)
+ * and style.c. All device and file text passes through bb_put_markup. One thread, after the run.
+ */
+#ifndef BB_BENCH_REPORT_HTML_H
+#define BB_BENCH_REPORT_HTML_H
+
+#include "bench/result.h"
+
+#include <stdio.h>
+
+/* room_svg: an <svg> element of the room with the head's path (bench/report/room_drawing.h makes it), or NULL. It is put into
+ * the page as it stands: whoever makes it escapes its texts. dir: where the pictures are. */
+BB_MUST_CHECK enum bb_status bb_report_html_write(const struct bb_run_result *r, const char *dir, const char *path,
+                                                  const char *room_svg, struct bb_error *err);
+
+extern const char bb_report_style[]; /* CSS */
+
+/* Parts; each writes one section's inside. */
+void bb_report_verdicts(FILE *f, const struct bb_run_result *r);
+void bb_report_trouble(FILE *f, const struct bb_run_result *r);
+void bb_report_stages(FILE *f, const struct bb_run_result *r);
+void bb_report_nodes(FILE *f, const struct bb_run_result *r);
+void bb_report_devices(FILE *f, const struct bb_run_result *r);
+void bb_report_counters(FILE *f, const struct bb_run_result *r);
+void bb_report_configuration(FILE *f, const struct bb_run_result *r);
+void bb_report_facts(FILE *f, const struct bb_run_result *r);
+void bb_report_pictures(FILE *f, const struct bb_run_result *r, const char *dir);
+
+void bb_plot_stack(FILE *f, const struct bb_run_result *r);
+void bb_plot_distribution(FILE *f, const struct bb_run_result *r, enum bb_metric metric, const char *title);
+void bb_plot_series(FILE *f, const struct bb_run_result *r);
+const char *bb_stage_colour(enum bb_stage stage);
+/* The first budget of a metric, NULL without one; and its limit, BB_UNKNOWN without one. */
+const struct bb_budget_result *bb_report_budget(const struct bb_run_result *r, enum bb_metric metric);
+double bb_report_limit(const struct bb_run_result *r, enum bb_metric metric);
+const char *bb_report_unit(const char *unit); /* as a person writes it: "us" with a mu, "%" */
+
+#endif
