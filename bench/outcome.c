@@ -82,8 +82,9 @@ static void gather_devices(const struct bb_outcome_sources *s, struct bb_run_res
 
 	r->devices = calloc(room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus + room->n_gamepads + 1,
 	                    sizeof(*r->devices));
-	if (r->devices)
-		bb_rig_each(s->rig, visit_device, &v);
+	if (!r->devices)
+		return;
+	bb_rig_each(s->rig, visit_device, &v);
 	for (size_t i = 0; i < r->n_devices; i++) {
 		char counter[48];
 		snprintf(counter, sizeof(counter), "events_%s", r->devices[i].class_name);

@@ -111,7 +111,7 @@ enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned
 	if (p->n == PICTURES_CAP || (n_eyes == 2 && !(p->config.scene->pictures.eyes >> eye & 1)))
 		return BB_OK;
 	struct bb_picture_result *r = &p->taken[p->n];
-	*r = (struct bb_picture_result){ .at_s = p->at_s, .screen = screen, .psnr_db = NAN };
+	*r = (struct bb_picture_result){ .at_s = p->at_s, .screen = screen, .psnr_db = (double)NAN };
 	snprintf(r->wall, sizeof(r->wall), "%s", s->id);
 	snprintf(r->eye, sizeof(r->eye), "%s", eyes[word]);
 	snprintf(r->file, sizeof(r->file), "%s-%s-%06.2fs.png", s->id, eyes[word], p->at_s);

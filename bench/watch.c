@@ -74,7 +74,6 @@ static void change(struct bb_watch *w, struct slot *s, int64_t now_ns, enum bb_h
 void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_health health, const char *fmt, ...)
 {
 	struct slot *s = &w->slots[slot];
-	struct bb_incident *in = s->incident ? &w->incidents[s->incident - 1] : NULL;
 	const bool worse = s->health == BB_HEALTH_OK || health > s->health;
 
 	s->good_since_ns = BB_NEVER;
@@ -82,14 +81,15 @@ void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_healt
 		return;
 	if (s->health == BB_HEALTH_OK)
 		s->bad_since_ns = now_ns;
-	if (!in && w->n_incidents < INCIDENTS_MAX) {
+	if (!s->incident && w->n_incidents < INCIDENTS_MAX) {
+		struct bb_incident *in = &w->incidents[w->n_incidents];
 		s->incident = ++w->n_incidents;
-		in = &w->incidents[s->incident - 1];
 		snprintf(in->culprit, sizeof(in->culprit), "%s", s->name);
 		in->from_ns = now_ns;
 		in->to_ns = BB_NEVER;
 	}
-	if (in) {
+	if (s->incident) {
+		struct bb_incident *in = &w->incidents[s->incident - 1];
 		va_list ap;
 		va_start(ap, fmt);
 		vsnprintf(in->what, sizeof(in->what), fmt, ap);

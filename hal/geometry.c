@@ -88,11 +88,10 @@ struct bb_quat bb_quat_euler_deg(double yaw_deg, double pitch_deg, double roll_d
 
 struct bb_quat bb_quat_slerp(struct bb_quat a, struct bb_quat b, double t)
 {
-	double dot = a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w;
+	const double dot = a.x * b.x + a.y * b.y + a.z * b.z + a.w * b.w;
 
 	if (dot < 0) { /* q and -q are one orientation: take the short way */
 		b = (struct bb_quat){ -b.x, -b.y, -b.z, -b.w };
-		dot = -dot;
 	}
 	const double angle = bb_quat_angle(a, b) / 2;
 	const double s = sin(angle);

@@ -335,8 +335,9 @@ enum bb_status sim_fault_parse(const char *text, struct sim_fault *out, const st
 		return status;
 	snprintf(f.text, sizeof(f.text), "%s", text);
 	status = parse_line(&line, &f, &verb, where, err);
-	if (status == BB_OK)
-		status = check_keys(&f, verb, where, err);
+	if (status != BB_OK || !verb)
+		return status;
+	status = check_keys(&f, verb, where, err);
 	if (status != BB_OK)
 		return status;
 	f.args.where = where;

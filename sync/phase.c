@@ -47,12 +47,11 @@ static void note_emitter(struct bb_phase *p, const struct bb_shutter_edge *e)
 
 void bb_phase_edge(struct bb_phase *p, const struct bb_shutter_edge *e)
 {
-	struct bb_phase_stage *s = e->stage == BB_STAGE_EMITTER ? &p->emitter : NULL;
+	const bool emitter = e->stage == BB_STAGE_EMITTER;
 
-	if (!s && e->stage < p->n_stages)
-		s = &p->stage[e->stage];
-	if (!s)
+	if (!emitter && e->stage >= p->n_stages)
 		return;
+	struct bb_phase_stage *s = emitter ? &p->emitter : &p->stage[e->stage];
 	if (s->n) {
 		const int32_t step = (int32_t)(e->seq - s->seq);
 		if (step <= 0 || e->at_ns - s->at_ns < p->nominal_ns / 4) { /* row G2: bounce or double edge */
@@ -61,13 +60,13 @@ void bb_phase_edge(struct bb_phase *p, const struct bb_shutter_edge *e)
 		}
 		s->missed += (uint64_t)(step - 1);
 	}
-	if (s == &p->emitter)
+	if (emitter)
 		note_emitter(p, e);
 	s->n++;
 	s->seq = e->seq;
 	s->at_ns = e->at_ns;
 	s->eye = e->eye;
-	if (s != &p->emitter) {
+	if (!emitter) {
 		pair(p, s);
 		return;
 	}

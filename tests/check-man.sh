@@ -7,7 +7,7 @@ page=docs/blackburst.1
 status=0
 
 # A row of an option table: name, shape of the value or NULL, help.
-have=$(sed -nE 's/^.*\{ "([a-z][a-z0-9-]*)", (NULL|"[^"]*"), "([^"\\]|\\.)*" \}.*$/\1/p' bench/cmd/cmd_*.c bench/cli.c 2>/dev/null |
+have=$(sed -nE 's/^.*\{ "([a-z][a-z0-9-]*)", (NULL|"[^"]*"), "([^"\\]|\\.)*" \}.*$/\1/p' bench/cmd/*.c bench/cli.c 2>/dev/null |
 	sed '/^help$/d' | LC_ALL=C sort -u)
 told=$(grep -oE 'Fl -[a-z][a-z0-9-]*' "$page" | sed 's/^Fl -//' | sed -E '/^(help|name)$/d' | LC_ALL=C sort -u)
 for o in $have; do

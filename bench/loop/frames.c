@@ -162,9 +162,9 @@ static uint16_t swapped_node(const struct bb_frame_loop *l, const struct bb_fram
 
 static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 {
-	struct bb_frame_row row = { .frame = f->frame, .start_ns = f->start_ns, .head_to_photon_ms = NAN, .frame_ms = NAN,
-		                    .scanout_skew_us = NAN, .phase_us = NAN, .pose_age_ms = NAN,
-		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = NAN, .cameras = f->cameras,
+	struct bb_frame_row row = { .frame = f->frame, .start_ns = f->start_ns, .head_to_photon_ms = (double)NAN, .frame_ms = (double)NAN,
+		                    .scanout_skew_us = (double)NAN, .phase_us = (double)NAN, .pose_age_ms = (double)NAN,
+		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = (double)NAN, .cameras = f->cameras,
 		                    .bricks_wanted = f->bricks_wanted, .bricks_missing = f->bricks_missing,
 		                    .bricks_loaded = f->bricks_loaded, .late_node = UINT32_MAX, .bytes = f->bytes };
 	uint16_t torn_node = BB_NOBODY;

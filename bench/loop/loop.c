@@ -82,10 +82,10 @@ static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_mach
 
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *v)
 {
-	struct bb_placement p = { .pose = { scene->data.centre_m, bb_quat_euler_deg(scene->data.yaw_deg,
+	struct bb_placement p = { .size_m = { 0, 0, 0 }, .pose = { scene->data.centre_m, bb_quat_euler_deg(scene->data.yaw_deg,
 		                                                                    scene->data.pitch_deg,
 		                                                                    scene->data.roll_deg) } };
-	double edge[3], longest = 0;
+	double edge[3] = { 0, 0, 0 }, longest = 0;
 
 	for (int i = 0; v && i < 3; i++) {
 		edge[i] = v->dim[i] * v->spacing_mm[i];

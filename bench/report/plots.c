@@ -92,10 +92,10 @@ static void put_x_axis(FILE *f, const struct axes *a, double n, const char *unit
 	char text[32];
 
 	put_line(f, a->left, a->bottom, a->right, a->bottom, FAINT, "");
-	for (double i = ceil(a->x_low / step - 1e-9); i * step <= a->x_high * (1 + 1e-9); i++) {
-		const double x = x_of(a, i * step);
+	for (long i = lround(ceil(a->x_low / step - 1e-9)); (double)i * step <= a->x_high * (1 + 1e-9); i++) {
+		const double x = x_of(a, (double)i * step);
 		put_line(f, x, a->bottom, x, a->bottom + 4, FAINT, "");
-		put_text(f, x, a->bottom + 17, "middle", SOFT, tick_text(text, sizeof(text), i * step));
+		put_text(f, x, a->bottom + 17, "middle", SOFT, tick_text(text, sizeof(text), (double)i * step));
 	}
 	if (unit)
 		put_text(f, a->right, a->bottom + 31, "end", SOFT, unit);
@@ -106,10 +106,10 @@ static void put_y_axis(FILE *f, const struct axes *a, double n)
 	const double step = tick_step(a->y_high - a->y_low, n);
 	char text[32];
 
-	for (double i = ceil(a->y_low / step - 1e-9); i * step <= a->y_high + step * 1e-9; i++) {
-		const double y = y_of(a, i * step);
+	for (long i = lround(ceil(a->y_low / step - 1e-9)); (double)i * step <= a->y_high + step * 1e-9; i++) {
+		const double y = y_of(a, (double)i * step);
 		put_line(f, a->left, y, a->right, y, RULE, "");
-		put_text(f, a->left - 8, y + 4, "end", SOFT, tick_text(text, sizeof(text), i * step));
+		put_text(f, a->left - 8, y + 4, "end", SOFT, tick_text(text, sizeof(text), (double)i * step));
 	}
 }
 

@@ -65,7 +65,7 @@ static uint16_t box_mean(const struct bb_volume *v, uint32_t step, const uint32_
 			for (uint32_t x = from[0]; x < to[0]; x++)
 				sum += v->voxels[row + x];
 		}
-	return (uint16_t)((sum + n / 2) / n);
+	return n ? (uint16_t)((sum + n / 2) / n) : 0;
 }
 
 void bb_coarse_fill(const struct bb_volume *v, const uint32_t dim[3], uint16_t *out)
