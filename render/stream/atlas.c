@@ -52,17 +52,16 @@ void bb_brick_range(const uint16_t *brick, uint16_t *least, uint16_t *most)
 /* Mean of the factor^3 voxels from c * factor on, of those that exist; rounded to nearest. */
 static uint16_t box_mean(const struct bb_volume *v, uint32_t step, const uint32_t c[3])
 {
-	uint32_t from[3], to[3], n = 1, sum = 0;
+	uint32_t from[3], to[3], n = 0, sum = 0;
 
 	for (int a = 0; a < 3; a++) {
 		from[a] = c[a] * BB_COARSE_FACTOR;
 		to[a] = from[a] + BB_COARSE_FACTOR < v->dim[a] ? from[a] + BB_COARSE_FACTOR : v->dim[a];
-		n *= to[a] - from[a];
 	}
 	for (uint32_t z = from[2]; z < to[2]; z++)
 		for (uint32_t y = from[1]; y < to[1]; y++) {
 			const size_t row = (((size_t)step * v->dim[2] + z) * v->dim[1] + y) * v->dim[0];
-			for (uint32_t x = from[0]; x < to[0]; x++)
+			for (uint32_t x = from[0]; x < to[0]; x++, n++)
 				sum += v->voxels[row + x];
 		}
 	return n ? (uint16_t)((sum + n / 2) / n) : 0;
