@@ -11,7 +11,7 @@ static double phase_limit_us(const struct bb_room *room)
 	for (size_t i = 0; i < room->n_budgets; i++)
 		if (room->budgets[i].metric == BB_METRIC_PHASE)
 			return room->budgets[i].limit;
-	return INFINITY;
+	return (double)INFINITY;
 }
 
 static void sample_phase(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
