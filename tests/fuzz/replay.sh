@@ -1,0 +1,12 @@
+#!/bin/sh
+# Every fuzz target over its own corpus, once: tests/fuzz/replay.sh FOLDER, where FOLDER holds replay_NAME programs.
+folder=${1:-build/gcc/tests}
+failed=0 n=0
+for program in "$folder"/replay_*; do
+	case $program in *.o | *.d | *'*') continue ;; esac
+	name=${program##*/replay_}
+	out=$("$program" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
+	n=$((n + 1))
+done
+echo "$n targets replayed"
+[ "$failed" = 0 ]
