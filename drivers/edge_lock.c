@@ -21,7 +21,7 @@
 #define BETA 0.005
 #define OUTLIER_GAIN 0.125
 #define GATE_SIGMAS 4
-#define SPAN_NS (2 * BB_NS_PER_S)
+#define SPAN_NS BB_NS_PER_S
 
 const char *bb_sync_fault_text(enum bb_sync_fault fault)
 {
@@ -201,9 +201,10 @@ static void follow(struct bb_edge_lock *l, const struct bb_line_event *e, double
 		l->fresh++;
 }
 
-static void measure_drift(struct bb_edge_lock *l, int64_t at_ns)
+/* Over the filtered places: they carry a fifth of the edges' jitter. */
+static void measure_drift(struct bb_edge_lock *l)
 {
-	const int64_t span_ns = at_ns - l->span_ns;
+	const int64_t span_ns = l->ref_ns - l->span_ns;
 
 	if (l->span_any && span_ns < SPAN_NS)
 		return;
@@ -213,7 +214,7 @@ static void measure_drift(struct bb_edge_lock *l, int64_t at_ns)
 		l->drift_known = true;
 	}
 	l->span_any = true;
-	l->span_ns = at_ns;
+	l->span_ns = l->ref_ns;
 	l->span_tick = l->tick;
 }
 
@@ -294,10 +295,10 @@ static void note_gap(struct bb_edge_lock *l, const struct bb_line_event *e, int6
 		m->set = false;
 		m->cleared_ns = now_ns;
 	}
-	if (missing <= MOST_MISSED && l->locked && !l->lost)
-		bb_edge_lock_clear(l, BB_SYNC_LOST, now_ns);
-	else if (missing > MOST_MISSED)
+	if (missing > MOST_MISSED)
 		l->good = l->n_innovations = 0;
+	else if (missing > 0 && l->good >= GOOD_EDGES) /* it was a short silence of a good signal */
+		bb_edge_lock_clear(l, BB_SYNC_LOST, now_ns);
 }
 
 static void accept(struct bb_edge_lock *l, const struct bb_line_event *e, int64_t now_ns, struct bb_shutter_edge *out)
@@ -377,7 +378,7 @@ bool bb_edge_lock_event(struct bb_edge_lock *l, const struct bb_line_event *e, i
 	judge_jitter(l, innovation_ns, now_ns);
 	follow(l, e, innovation_ns, (double)steps);
 	recovered(l, now_ns);
-	measure_drift(l, e->at_ns);
+	measure_drift(l);
 	accept(l, e, now_ns, out);
 	return true;
 }

@@ -68,7 +68,7 @@ struct bb_edge_lock {
 	int64_t second;
 	uint16_t glitch_in[BB_LOCK_SECONDS], edge_in[BB_LOCK_SECONDS];
 	uint32_t glitches_min, edges_min;
-	/* drift, measured over spans of 2 s */
+	/* drift of the rate, measured over spans of 1 s */
 	int64_t span_ns;
 	uint32_t span_tick;
 	bool span_any, drift_known;
