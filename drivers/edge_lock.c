@@ -14,6 +14,8 @@
 #define OTHER_RATE 0.1025 /* mean of 4 intervals: jitter of +-20 % cannot move it by more than 10 % */
 #define SAME_INTERVAL 0.10
 #define OFF_RATE 0.01
+#define LEAST_PERIOD 0.1 /* of the configured one */
+#define MOST_PERIOD 10
 #define HOLDOVER_SHARE 0.1
 #define FAST_ALPHA 0.5
 #define FAST_BETA 0.1
@@ -156,6 +158,8 @@ static bool other_rate(const struct bb_edge_lock *l, double *period_ns)
 	}
 	const double mean_ns = (double)sum / BB_LOCK_INTERVALS;
 	*period_ns = mean_ns;
+	if (mean_ns < LEAST_PERIOD * (double)l->nominal_ns || mean_ns > MOST_PERIOD * (double)l->nominal_ns)
+		return false; /* no sync signal at all */
 	return (double)(most - least) <= SAME_INTERVAL * mean_ns &&
 	       fabs(mean_ns - l->period_ns) > OTHER_RATE * l->period_ns;
 }
@@ -195,6 +199,7 @@ static void follow(struct bb_edge_lock *l, const struct bb_line_event *e, double
 
 	l->ref_ns = e->at_ns - (int64_t)llround((1 - trust * (fast ? FAST_ALPHA : ALPHA)) * innovation_ns);
 	l->period_ns += trust * (fast ? FAST_BETA : BETA) * innovation_ns / steps;
+	l->period_ns = fmin(fmax(l->period_ns, LEAST_PERIOD * (double)l->nominal_ns), MOST_PERIOD * (double)l->nominal_ns);
 	l->sigma_ns = sqrt(l->sigma_ns * l->sigma_ns * 63 / 64 + inside_ns * inside_ns / 64);
 	l->good = fabs(innovation_ns) <= period_share(l, GOOD) ? l->good + 1 : 0;
 	if (l->fresh < GOOD_EDGES)

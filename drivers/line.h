@@ -14,6 +14,11 @@
 extern const struct bb_line_opener bb_line_uapi2;
 extern const struct bb_line_opener bb_line_gpiod;
 
+/* Takes over open v2 line descriptors (from a helper with more rights, or a test); they are closed with the bus, and on
+ * failure. out_fd -1: no output. */
+BB_MUST_CHECK enum bb_status bb_line_uapi2_on(int in_fd, int out_fd, uint32_t line, struct bb_clock *clk,
+                                              struct bb_line_bus **out);
+
 /* Number and text for an open that failed with an errno: who and what as the caller knows them. */
 enum bb_status bb_line_open_failed(const struct bb_line_request *request, int os_errno, const char *held_by,
                                    struct bb_error *err);

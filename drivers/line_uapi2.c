@@ -168,67 +168,78 @@ static int request_line(int chip, uint32_t offset, uint64_t flags, uint32_t n_bu
 		                          .num_lines = 1,
 		                          .event_buffer_size = n_buffer < BUFFER_MOST ? n_buffer : BUFFER_MOST };
 
-	if (ioctl(chip, GPIO_V2_GET_LINE_IOCTL, &q))
-		return -1;
-	const int on = fcntl(q.fd, F_GETFL);
-	if (on < 0 || fcntl(q.fd, F_SETFL, on | O_NONBLOCK) < 0) {
-		const int why = errno;
-		close(q.fd);
-		errno = why;
-		return -1;
-	}
-	return q.fd;
+	return ioctl(chip, GPIO_V2_GET_LINE_IOCTL, &q) ? -1 : q.fd;
 }
 
-static enum bb_status refused(int chip, const struct bb_line_request *r, uint32_t offset, int os_errno,
-                              struct bb_error *err)
+static enum bb_status refused(int chip, const struct bb_line_request *r, uint32_t offset, struct bb_error *err)
 {
 	struct gpio_v2_line_info info = { .offset = offset };
 	struct bb_line_request q = *r;
+	const int why = errno;
 
 	q.line = offset;
-	if (os_errno == EBUSY && ioctl(chip, GPIO_V2_GET_LINEINFO_IOCTL, &info))
+	if (why == EBUSY && ioctl(chip, GPIO_V2_GET_LINEINFO_IOCTL, &info))
 		info.consumer[0] = '\0';
 	info.consumer[sizeof(info.consumer) - 1] = '\0';
-	return bb_line_open_failed(&q, os_errno, info.consumer, err);
+	return bb_line_open_failed(&q, why, info.consumer, err);
 }
 
-static enum bb_status request_both(int chip, const struct bb_line_request *r, struct line *l, struct bb_error *err)
+enum bb_status bb_line_uapi2_on(int in_fd, int out_fd, uint32_t line, struct bb_clock *clk, struct bb_line_bus **out)
 {
-	l->base.fd = request_line(chip, r->line, input_flags(r), r->n_buffer);
-	if (l->base.fd < 0)
-		return refused(chip, r, r->line, errno, err);
-	if (r->out < 0)
-		return BB_OK;
-	l->out_fd = request_line(chip, (uint32_t)r->out, GPIO_V2_LINE_FLAG_OUTPUT, 0);
-	return l->out_fd < 0 ? refused(chip, r, (uint32_t)r->out, errno, err) : BB_OK;
+	struct line *l = calloc(1, sizeof(*l));
+	const int flags = fcntl(in_fd, F_GETFL);
+
+	*out = NULL;
+	if (!l || flags < 0 || fcntl(in_fd, F_SETFL, flags | O_NONBLOCK) < 0) {
+		const enum bb_status status = l ? BB_ERR_IO : BB_ERR_NOMEM;
+		const int why = errno;
+		free(l);
+		close(in_fd);
+		if (out_fd >= 0)
+			close(out_fd);
+		errno = why;
+		return status;
+	}
+	l->base = (struct bb_line_bus){ &ops, clk, in_fd };
+	l->reader = (struct bb_line_reader){ .clk = clk, .line = line };
+	l->out_fd = out_fd;
+	*out = &l->base;
+	return BB_OK;
+}
+
+static enum bb_status request_both(int chip, const struct bb_line_request *r, struct bb_clock *clk,
+                                   struct bb_line_bus **out, struct bb_error *err)
+{
+	const int in_fd = request_line(chip, r->line, input_flags(r), r->n_buffer);
+	int out_fd = -1;
+
+	if (in_fd < 0)
+		return refused(chip, r, r->line, err);
+	if (r->out >= 0) {
+		out_fd = request_line(chip, (uint32_t)r->out, GPIO_V2_LINE_FLAG_OUTPUT, 0);
+		if (out_fd < 0) {
+			const enum bb_status status = refused(chip, r, (uint32_t)r->out, err);
+			close(in_fd);
+			return status;
+		}
+	}
+	if (bb_line_uapi2_on(in_fd, out_fd, r->line, clk, out) != BB_OK)
+		return bb_line_open_failed(r, errno, NULL, err);
+	return BB_OK;
 }
 
 static enum bb_status line_open(void *ctx, const struct bb_line_request *r, struct bb_clock *clk,
                                 struct bb_line_bus **out, struct bb_error *err)
 {
 	const int chip = open(r->chip, O_RDWR | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
-	int why = errno;
 
 	(void)ctx;
 	*out = NULL;
 	if (chip < 0)
-		return bb_line_open_failed(r, why, NULL, err);
-	struct line *l = calloc(1, sizeof(*l));
-	if (!l) {
-		close(chip);
-		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "opening %s", r->chip);
-	}
-	l->base = (struct bb_line_bus){ &ops, clk, -1 };
-	l->reader = (struct bb_line_reader){ .clk = clk, .line = r->line };
-	l->out_fd = -1;
-	const enum bb_status status = request_both(chip, r, l, err);
-	why = errno;
+		return bb_line_open_failed(r, errno, NULL, err);
+	const enum bb_status status = request_both(chip, r, clk, out, err);
+	const int why = errno;
 	close(chip);
-	if (status == BB_OK)
-		*out = &l->base;
-	else
-		line_close(&l->base);
 	errno = why;
 	return status;
 }
