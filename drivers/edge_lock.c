@@ -176,16 +176,17 @@ double bb_edge_lock_jitter_ns(const struct bb_edge_lock *l)
 
 static void judge_jitter(struct bb_edge_lock *l, double innovation_ns, int64_t now_ns)
 {
+	const unsigned most = BB_ARRAY_LEN(l->innovation_ns);
 	double square = 0;
 
-	l->innovation_ns[l->n_innovations++ % BB_ARRAY_LEN(l->innovation_ns)] = innovation_ns;
-	if (l->n_innovations == 2 * BB_ARRAY_LEN(l->innovation_ns))
-		l->n_innovations = BB_ARRAY_LEN(l->innovation_ns);
-	if (!l->locked)
+	l->innovation_ns[l->n_innovations++ % most] = innovation_ns;
+	if (l->n_innovations == 2 * most)
+		l->n_innovations = most;
+	if (!l->locked || l->n_innovations < most)
 		return;
-	for (size_t i = 0; i < BB_ARRAY_LEN(l->innovation_ns); i++)
-		square += l->innovation_ns[i] * l->innovation_ns[i] / (double)BB_ARRAY_LEN(l->innovation_ns);
-	if (sqrt(square) > period_share(l, GOOD))
+	for (unsigned i = 0; i < most; i++)
+		square += l->innovation_ns[i] * l->innovation_ns[i];
+	if (sqrt(square / most) > period_share(l, GOOD))
 		bb_edge_lock_raise(l, BB_SYNC_JITTER, 1, now_ns);
 }
 

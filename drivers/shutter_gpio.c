@@ -9,7 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define QUEUE 512
+#define QUEUE 1024 /* more than any kernel buffers */
 #define AT_ONCE 64
 #define STAMP_ERROR_NS 50000 /* interrupt latency of an ordinary PC; 4 to 25 us were measured in the guest */
 #define LATCH_NS (2 * BB_NS_PER_S) /* the transition gap of hal/safety.h */
