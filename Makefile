@@ -13,7 +13,7 @@ VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
 PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
-PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto
+PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g
@@ -24,7 +24,7 @@ ALL_CFLAGS = -std=gnu11 $(OPT) $(WARN) $(WERROR) -I. -D_FORTIFY_SOURCE=2 -fstack
 LDLIBS   = $(shell pkg-config --libs $(PKGS) 2>/dev/null) -lm -lpthread -ldl
 
 WINGS   := hal drivers sim sync render bench
-SRC     := $(wildcard $(WINGS:%=%/*.c) $(WINGS:%=%/*/*.c))
+SRC     := $(filter-out sim/kmod/%,$(wildcard $(WINGS:%=%/*.c) $(WINGS:%=%/*/*.c)))
 LIB_SRC := $(filter-out bench/main.c,$(SRC))
 HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))

@@ -83,13 +83,32 @@ struct bb_line_event {
 };
 struct bb_line_bus;
 struct bb_line_ops {
+	/* BB_TIMEOUT: none; BB_ERR_LOST: the chip is gone, errno says how. */
 	enum bb_status (*read)(struct bb_line_bus *bus, struct bb_line_event *events, size_t cap, size_t *n_out);
-	enum bb_status (*set)(struct bb_line_bus *bus, bool level);
+	enum bb_status (*set)(struct bb_line_bus *bus, bool level); /* BB_ERR_UNSUPPORTED: no output line */
 	void (*close)(struct bb_line_bus *bus);
 };
 struct bb_line_bus {
 	const struct bb_line_ops *ops;
 	struct bb_clock *clk;
+	int fd;          /* readable while events wait; -1 when the back end has none */
+};
+
+/* One input line with both edges and, if out >= 0, one output line of the same chip that begins low. */
+struct bb_line_request {
+	char chip[96];   /* "/dev/gpiochip0" */
+	uint32_t line;
+	int32_t out;
+	uint32_t n_buffer; /* events the kernel should keep, at least */
+	bool active_low;
+	enum { BB_LINE_BIAS_AS_IS, BB_LINE_BIAS_OFF, BB_LINE_BIAS_UP, BB_LINE_BIAS_DOWN } bias;
+};
+/* Opens a line bus again and again: how a class driver is given its bus. On failure *out is NULL, errno holds the
+ * cause and err says it in words with what to do about it. */
+struct bb_line_opener {
+	enum bb_status (*open)(void *ctx, const struct bb_line_request *request, struct bb_clock *clk,
+	                       struct bb_line_bus **out, struct bb_error *err);
+	void *ctx;
 };
 
 #endif

@@ -64,6 +64,11 @@ int64_t bb_clock_now_ns(const struct bb_clock *clk)
 	return clk->virtual_time ? clk->now_ns : bb_clock_stopwatch_ns() - clk->zero_ns;
 }
 
+int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic_ns)
+{
+	return clk->virtual_time ? monotonic_ns : monotonic_ns - clk->zero_ns;
+}
+
 uint64_t bb_clock_steps(const struct bb_clock *clk)
 {
 	return clk->steps;

@@ -34,6 +34,8 @@ void bb_clock_destroy(struct bb_clock *clk); /* NULL is allowed; armed timers ar
 
 bool bb_clock_is_virtual(const struct bb_clock *clk);
 int64_t bb_clock_now_ns(const struct bb_clock *clk);
+/* A kernel's CLOCK_MONOTONIC stamp on this clock's axis. On the virtual clock stamps come from peers: unchanged. */
+int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic_ns);
 
 /* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);

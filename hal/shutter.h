@@ -30,8 +30,9 @@ struct bb_shutter_config {
 struct bb_shutter_limits {
 	int64_t least_period_ns, most_period_ns;
 	int64_t stamp_error_ns;      /* of an edge's stamp, at most */
-	int64_t phase_step_ns;       /* resolution of set_phase */
+	int64_t phase_step_ns;       /* resolution of set_phase; 0: phases are fixed by the hardware */
 	int64_t open_ns, close_ns;
+	int64_t n_stages;            /* the first so many stages report edges; the emitter always does */
 };
 
 struct bb_shutter_edge {
@@ -55,7 +56,8 @@ const struct bb_shutter_limits *bb_shutter_limits(const struct bb_shutter *sh);
 /* Up to cap edges not read yet, oldest first, of all stages; *n_out = 0 and BB_TIMEOUT when there is none. */
 BB_MUST_CHECK enum bb_status bb_shutter_read(struct bb_shutter *sh, struct bb_shutter_edge *edges, size_t cap,
                                              size_t *n_out);
-/* Delay of one stage (or the emitter) after the sync edge as seen by the audience, 0 .. one period, and duty in ppm. */
+/* Delay of one stage (or the emitter) after the sync edge as seen by the audience, 0 .. one period, and duty in ppm.
+ * BB_ERR_UNSUPPORTED: that stage's phase is what it is. */
 BB_MUST_CHECK enum bb_status bb_shutter_set_phase(struct bb_shutter *sh, uint8_t stage, int64_t delay_ns,
                                                   uint32_t duty_ppm);
 BB_MUST_CHECK enum bb_status bb_shutter_set_mode(struct bb_shutter *sh, enum bb_shutter_mode mode);

@@ -320,6 +320,7 @@ static enum bb_status shutter_open(struct bb_shutter *sh, const struct bb_open *
 		return status;
 	sh->limits.open_ns = llround(c->open_us * 1000);
 	sh->limits.close_ns = llround(c->close_us * 1000);
+	sh->limits.n_stages = c->n_stages;
 	s->n_stages = (size_t)c->n_stages + 1;
 	s->jitter_ns = s->ideal ? 0 : llround(c->jitter_us * 1000);
 	s->base_ppb = llround(c->rate_error_ppm * 1000);

@@ -281,6 +281,14 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 
 /* ---- running ---- */
 
+/* A phase the hardware has fixed is measured instead of set. */
+static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, int64_t delay_ns)
+{
+	const enum bb_status status = bb_shutter_set_phase(sh, stage, delay_ns, 500000);
+
+	return status == BB_ERR_UNSUPPORTED ? BB_OK : status;
+}
+
 /* Projector shutters switch with the glasses: every stage gets the emitter's delay. */
 static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
@@ -291,9 +299,9 @@ static enum bb_status start_shutters(struct bb_frame_loop *l)
 	if (!l->rig->shutter)
 		return BB_OK;
 	for (uint8_t i = 0; i < c->n_stages && status == BB_OK; i++)
-		status = bb_shutter_set_phase(l->rig->shutter, i, delay_ns, 500000);
+		status = set_phase(l->rig->shutter, i, delay_ns);
 	if (status == BB_OK)
-		status = bb_shutter_set_phase(l->rig->shutter, BB_STAGE_EMITTER, delay_ns, 500000);
+		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, delay_ns);
 	if (status == BB_OK)
 		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
 	return status;
