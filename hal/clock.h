@@ -35,6 +35,10 @@ void bb_clock_destroy(struct bb_clock *clk); /* NULL is allowed; armed timers ar
 bool bb_clock_is_virtual(const struct bb_clock *clk);
 int64_t bb_clock_now_ns(const struct bb_clock *clk);
 
+/* The host time of a CLOCK_REALTIME stamp, as the kernel gives them with received frames. Valid for stamps of the last
+ * moments: the wall clock may be set between two calls. On the virtual clock stamps are host time already. */
+int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns);
+
 /* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
 void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);

@@ -4,15 +4,33 @@
  */
 #include "tests/fixture_room.h"
 #include "sim/sim_shutter.h"
+#include "tests/fixture_can.h"
+
+struct far { /* what stands at the far end of a real driver's wire */
+	struct can_far can;
+};
+static struct bb_shutter *open_can(struct rig *rig, struct far *far)
+{
+	return can_far_open(rig, &far->can);
+}
+
+static void close_can(struct far *far)
+{
+	can_far_close(&far->can);
+}
 
 static const struct backend {
 	const char *name;
-	const struct bb_shutter_driver *driver;
+	const struct bb_shutter_driver *driver; /* NULL: not the simulated one */
 	int fidelity;
+	struct bb_shutter *(*open)(struct rig *rig, struct far *far); /* of other back ends; ready when it returns */
+	void (*close)(struct far *far);                               /* after the handle */
 } backends[] = {
-	{ "shutter: sim, fidelity 0", &sim_shutter_driver, 0 },
-	{ "shutter: sim, fidelity 1", &sim_shutter_driver, 1 },
-	{ "shutter: sim, fidelity 2", &sim_shutter_driver, 2 },
+	{ "shutter: sim, fidelity 0", &sim_shutter_driver, 0, NULL, NULL },
+	{ "shutter: sim, fidelity 1", &sim_shutter_driver, 1, NULL, NULL },
+	{ "shutter: sim, fidelity 2", &sim_shutter_driver, 2, NULL, NULL },
+	{ "shutter: CAN driver and peer, ideal", NULL, 0, open_can, close_can },
+	{ "shutter: CAN driver and peer", NULL, 1, open_can, close_can },
 };
 static const struct backend *backend;
 
@@ -21,6 +39,7 @@ static const struct backend *backend;
 
 struct bench {
 	struct rig rig;
+	struct far far;
 	struct bb_shutter *sh;
 	size_t n[STAGES];
 	struct bb_shutter_edge edge[STAGES][2000];
@@ -33,9 +52,13 @@ static int setup(void **state)
 	if (!b)
 		return -1;
 	rig_init(&b->rig, 1, backend->fidelity);
+	*state = b;
+	if (!backend->driver) {
+		b->sh = backend->open(&b->rig, &b->far);
+		return 0;
+	}
 	const struct bb_open open = rig_open(&b->rig);
 	assert_int_equal(bb_shutter_open(backend->driver, &b->rig.fix.room.chain, &open, &b->sh), BB_OK);
-	*state = b;
 	return 0;
 }
 
@@ -44,6 +67,8 @@ static int teardown(void **state)
 	struct bench *b = *state;
 
 	bb_shutter_close(b->sh);
+	if (!backend->driver)
+		backend->close(&b->far);
 	rig_done(&b->rig);
 	free(b);
 	return 0;
@@ -521,6 +546,8 @@ int main(void)
 		T(limits_hold_the_configuration), T(edges_alternate_eyes_at_the_rate),
 		T(set_phase_moves_one_stage_by_what_was_asked), T(phase_arguments_are_checked),
 		T(open_mode_stops_the_edges), T(reading_in_small_pieces_loses_nothing),
+	};
+	const struct CMUnitTest world[] = {
 		T(compensated_stages_are_in_phase_with_the_glasses), T(raw_stages_follow_down_the_chain),
 		T(the_rate_error_is_the_generators), T(transitions_follow_the_edges), T(missed_edges_are_gaps),
 		T(double_edges_repeat_a_number), T(a_polarity_flip_swaps_the_glasses_against_the_walls),
@@ -533,6 +560,8 @@ int main(void)
 	for (size_t i = 0; i < BB_ARRAY_LEN(backends); i++) {
 		backend = &backends[i];
 		failed += cmocka_run_group_tests_name(backend->name, tests, NULL, NULL);
+		if (backend->driver)
+			failed += cmocka_run_group_tests_name(backend->name, world, NULL, NULL);
 	}
 	return failed;
 }
