@@ -99,6 +99,7 @@ enum bb_status bb_can_queue_flush(struct bb_can_queue *q, struct bb_can_bus *bus
 	while (sent < q->n && (status = bus->ops->send(bus, &q->frame[sent])) == BB_OK)
 		sent++;
 	q->n -= sent;
+	q->sent += sent;
 	memmove(q->frame, q->frame + sent, q->n * sizeof(q->frame[0]));
 	memmove(q->state, q->state + sent, q->n * sizeof(q->state[0]));
 	return status;

@@ -34,7 +34,7 @@ struct bb_can_queue {
 	struct bb_can_frame frame[BB_CAN_QUEUE];
 	bool state[BB_CAN_QUEUE];
 	uint32_t n;
-	uint64_t dropped;
+	uint64_t dropped, sent;
 };
 /* state: a newer frame of the same id takes the place of the older one. false: the queue is full, an event is lost. */
 bool bb_can_queue_put(struct bb_can_queue *q, const struct bb_can_frame *frame, bool state);

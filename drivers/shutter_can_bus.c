@@ -131,9 +131,10 @@ void sc_bus_poll(struct shutter_can *s, int64_t now_ns)
 		sc_clear(s, BB_CANF_IF_DOWN, now_ns);
 	if (s->off || s->down_ns != BB_NEVER)
 		return;
+	const uint64_t sent = s->tx.sent;
 	const enum bb_status status = bb_can_queue_flush(&s->tx, s->bus);
 	if (status == BB_ERR_BUSY) {
-		if (s->busy_ns == BB_NEVER)
+		if (s->busy_ns == BB_NEVER || s->tx.sent != sent)
 			s->busy_ns = now_ns;
 		else if (now_ns - s->busy_ns > 20 * SC_MS)
 			sc_raise(s, BB_CANF_TX_DROP, s->tx.n, now_ns, "the bus takes nothing, %u frames wait", s->tx.n);

@@ -41,6 +41,7 @@ struct sc_node {
 	uint16_t emcy;
 	uint8_t counter, sequence;  /* of its last phase */
 	bool counted;
+	int repeats;
 	uint64_t phases;
 };
 

@@ -11,6 +11,7 @@
 #define GAIN (1.0 / 16)
 #define HOLD_NS INT64_C(8000000000)
 #define LATE_SLOTS 8
+#define REPEATS_MOST 3
 
 static struct sc_sync *newest(struct shutter_can *s)
 {
@@ -219,8 +220,12 @@ static bool fresh(struct shutter_can *s, struct sc_node *n, const struct bb_co_p
 	n->sequence = p->sequence;
 	if (edges > 0) {
 		n->counter = p->counter;
+		n->repeats = 0;
 		return true;
 	}
+	/* With each SYNC: a stage that switches about when SYNC comes has sometimes nothing new to tell. */
+	if (steps == 1 && !edges && s->opt.pdo_type <= 240 && ++n->repeats < REPEATS_MOST)
+		return false;
 	if (steps == 1 || edges < 0)
 		sc_raise(s, BB_CANF_STALE, n->id, at_ns, "node %u repeats the phase of SYNC %u", n->id, p->counter);
 	else
