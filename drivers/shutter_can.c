@@ -45,6 +45,46 @@ static const char *fault_name(enum bb_shutter_can_fault fault)
 	return names[fault];
 }
 
+/* Health */
+
+static bool silent(const struct shutter_can *s)
+{
+	for (size_t i = 0; i < s->n_nodes; i++)
+		if (s->node[i].heard || s->node[i].ready)
+			return false;
+	return true;
+}
+
+static enum bb_health judge(const struct shutter_can *s, int64_t now_ns)
+{
+	const struct bb_shutter_can_alarm *a = s->alarm;
+	const bool held = s->locked && now_ns - s->heard_ns <= HOLD_NS;
+
+	if (s->quarantined)
+		return BB_HEALTH_QUARANTINED;
+	if (a[BB_CANF_IF_DOWN].active || a[BB_CANF_BUS_OFF].active || a[BB_CANF_SYNC_LATE].active)
+		return held ? BB_HEALTH_HOLDOVER : BB_HEALTH_LOST;
+	if (silent(s))
+		return now_ns - s->open_ns > SILENCE_NS ? BB_HEALTH_LOST : BB_HEALTH_INIT;
+	for (int i = 0; i < BB_CANF_COUNT; i++)
+		if (a[i].active)
+			return BB_HEALTH_DEGRADED;
+	if (sc_all_ready(s) && s->locked)
+		return BB_HEALTH_OK;
+	return s->health == BB_HEALTH_INIT ? BB_HEALTH_INIT : BB_HEALTH_RECOVERING;
+}
+
+static void judge_again(struct shutter_can *s, int64_t now_ns)
+{
+	const enum bb_health health = judge(s, now_ns);
+
+	if (health != s->health)
+		bb_device_event(&s->base.dev, BB_EV_HEALTH, now_ns, health, s->health);
+	s->health = health;
+}
+
+/* Alarms */
+
 void sc_raise(struct shutter_can *s, enum bb_shutter_can_fault fault, uint32_t detail, int64_t now_ns, const char *fmt,
               ...)
 {
@@ -65,6 +105,7 @@ void sc_raise(struct shutter_can *s, enum bb_shutter_can_fault fault, uint32_t d
 	if (!a->active)
 		bb_log(s->base.dev.log, BB_LOG_WARN, BB_BLAME_DEVICE, s->base.dev.id, "%s %s", fault_name(fault), text);
 	a->active = true;
+	judge_again(s, now_ns); /* never OK with something wrong, not even until the next look */
 }
 
 void sc_clear(struct shutter_can *s, enum bb_shutter_can_fault fault, int64_t now_ns)
@@ -188,35 +229,6 @@ static void pump(struct shutter_can *s, int64_t now_ns)
 		sc_bus_status(s, status, now_ns);
 }
 
-/* Health */
-
-static bool silent(const struct shutter_can *s)
-{
-	for (size_t i = 0; i < s->n_nodes; i++)
-		if (s->node[i].heard || s->node[i].ready)
-			return false;
-	return true;
-}
-
-static enum bb_health judge(const struct shutter_can *s, int64_t now_ns)
-{
-	const struct bb_shutter_can_alarm *a = s->alarm;
-	const bool held = s->locked && now_ns - s->heard_ns <= HOLD_NS;
-
-	if (s->quarantined)
-		return BB_HEALTH_QUARANTINED;
-	if (a[BB_CANF_IF_DOWN].active || a[BB_CANF_BUS_OFF].active || a[BB_CANF_SYNC_LATE].active)
-		return held ? BB_HEALTH_HOLDOVER : BB_HEALTH_LOST;
-	if (silent(s))
-		return now_ns - s->open_ns > SILENCE_NS ? BB_HEALTH_LOST : BB_HEALTH_INIT;
-	for (int i = 0; i < BB_CANF_COUNT; i++)
-		if (a[i].active)
-			return BB_HEALTH_DEGRADED;
-	if (sc_all_ready(s) && s->locked)
-		return BB_HEALTH_OK;
-	return s->health == BB_HEALTH_INIT ? BB_HEALTH_INIT : BB_HEALTH_RECOVERING;
-}
-
 static void watch(struct shutter_can *s, int64_t now_ns)
 {
 	static const enum bb_shutter_can_fault single[] = { BB_CANF_PROTO, BB_CANF_STALE, BB_CANF_DUP_ID };
@@ -228,10 +240,7 @@ static void watch(struct shutter_can *s, int64_t now_ns)
 		sc_clear(s, BB_CANF_BABBLE, now_ns);
 	if (s->good >= SC_GOOD_SYNCS)
 		sc_clear(s, BB_CANF_SYNC_LATE, now_ns);
-	const enum bb_health health = judge(s, now_ns);
-	if (health != s->health)
-		bb_device_event(&s->base.dev, BB_EV_HEALTH, now_ns, health, s->health);
-	s->health = health;
+	judge_again(s, now_ns);
 }
 
 /* Own heartbeat: the newest counts, and a node that misses five opens its shutters. */

@@ -434,6 +434,7 @@ void sc_node_state(struct shutter_can *s, struct sc_node *n, uint8_t state, int6
 
 static void poll_node(struct shutter_can *s, struct sc_node *n, int64_t now_ns)
 {
+	const bool deaf = s->off || s->down_ns != BB_NEVER; /* silence is ours then */
 	struct bb_can_frame f;
 
 	bb_co_sdo_poll(&n->sdo, now_ns);
@@ -447,7 +448,7 @@ static void poll_node(struct shutter_can *s, struct sc_node *n, int64_t now_ns)
 	}
 	if (bb_co_sdo_take(&n->sdo, &f))
 		sc_send(s, &f, true);
-	if (n->ready && now_ns - n->beat_ns > s->opt.heartbeat_ms * SC_MS * 3 / 2)
+	if (n->ready && !deaf && now_ns - n->beat_ns > s->opt.heartbeat_ms * SC_MS * 3 / 2)
 		lose(s, n, now_ns, "no heartbeat");
 }
 

@@ -378,8 +378,8 @@ enum bb_status sim_can_send(struct sim_can_port *port, const struct bb_can_frame
 		return BB_ERR_LOST;
 	if (port->n_box == port->cap)
 		return BB_ERR_BUSY;
-	if (port->state == 3 && port != &port->can->host)
-		return BB_ERR_BUSY;
+	if ((port->state == 3 || port->muted) && port != &port->can->host)
+		return BB_ERR_BUSY; /* lost, as when mailboxes are written over */
 	port->box[port->n_box++] = *f;
 	kick(port->can);
 	return BB_OK;
