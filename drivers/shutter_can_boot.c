@@ -11,6 +11,7 @@
 #define REFUSED_NS BB_NS_PER_S
 #define LSS_AFTER_NS (150 * SC_MS)
 #define LSS_AGAIN_NS (2 * BB_NS_PER_S)
+#define BEATS_GOOD 2
 #define MASTER_BEATS 5 /* of the host's heartbeats may be missing before a controller opens */
 
 enum who { ALL, EMITTER, STAGES };
@@ -276,12 +277,10 @@ static void become_ready(struct shutter_can *s, struct sc_node *n, int64_t now_n
 	struct bb_can_frame f;
 
 	n->ready = true;
-	n->lost = n->failed = n->counted = false;
+	n->failed = n->counted = false;
 	n->emcy = 0;
 	n->beat_ns = now_ns;
 	n->parameter = 0;
-	if (!any(s, offsetof(struct sc_node, lost)))
-		sc_clear(s, BB_CANF_NODE_LOST, now_ns);
 	if (!any(s, offsetof(struct sc_node, failed)))
 		sc_clear(s, BB_CANF_NODE, now_ns);
 	if (s->stereo) {
@@ -410,6 +409,21 @@ static void lose(struct shutter_can *s, struct sc_node *n, int64_t now_ns, const
 	sc_send(s, &f, false);
 }
 
+/* Two heartbeats and a configuration, in either order, and it counts again. */
+static void found_again(struct shutter_can *s, struct sc_node *n, int64_t now_ns)
+{
+	if (++n->beats < BEATS_GOOD)
+		return;
+	if (!n->ready) {
+		if (!n->step && !bb_co_sdo_busy(&n->sdo))
+			n->again_ns = now_ns;
+		return;
+	}
+	n->lost = false;
+	if (!any(s, offsetof(struct sc_node, lost)))
+		sc_clear(s, BB_CANF_NODE_LOST, now_ns);
+}
+
 void sc_node_state(struct shutter_can *s, struct sc_node *n, uint8_t state, int64_t now_ns)
 {
 	struct bb_can_frame f;
@@ -419,13 +433,12 @@ void sc_node_state(struct shutter_can *s, struct sc_node *n, uint8_t state, int6
 	if (state == CO_BOOT_UP) {
 		if (n->ready)
 			lose(s, n, now_ns, "started anew");
-		if (!n->lost)
-			sc_boot_restart(s, n, now_ns);
+		sc_boot_restart(s, n, now_ns);
 		n->heard = true;
 		return;
 	}
-	if (n->lost && ++n->beats >= 2 && !n->step)
-		n->again_ns = now_ns; /* it is back: configure it */
+	if (n->lost)
+		found_again(s, n, now_ns);
 	if (!n->ready || (s->stereo ? state == CO_OPERATIONAL : state == CO_PREOP))
 		return;
 	bb_co_nmt(&f, s->stereo ? CO_NMT_START : CO_NMT_PREOP, n->id);

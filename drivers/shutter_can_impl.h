@@ -42,6 +42,7 @@ struct sc_node {
 	uint8_t counter, sequence;  /* of its last phase */
 	bool counted;
 	int repeats;
+	int64_t phase_ns;           /* when it came */
 	uint64_t phases;
 };
 

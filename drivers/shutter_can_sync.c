@@ -212,11 +212,13 @@ void sc_sync_poll(struct shutter_can *s, int64_t now_ns)
 /* Is this one that was not heard before, from the one node of that id? */
 static bool fresh(struct shutter_can *s, struct sc_node *n, const struct bb_co_phase *p, int64_t at_ns)
 {
-	const bool counted = n->counted;
+	/* After a long silence the counter has gone round, nobody knows how often. */
+	const bool counted = n->counted && (double)(at_ns - n->phase_ns) < s->period_ns * (double)s->opt.overflow / 4;
 	const uint8_t steps = (uint8_t)(p->sequence - n->sequence);
 	const int64_t edges = counted ? ahead(s, p->counter, (uint32_t)(n->counter - 1)) : 1;
 
 	n->counted = true;
+	n->phase_ns = at_ns;
 	n->sequence = p->sequence;
 	if (edges > 0) {
 		n->counter = p->counter;
