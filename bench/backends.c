@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "drivers/shutter_gpio.h"
+#include "drivers/shutter_can.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
@@ -11,6 +12,9 @@ static const struct bb_backend backends[] = {
 	{ "sim", "models in this process", &sim_shutter_driver, &sim_camera_driver, &sim_display_driver,
 	  &sim_monitor_driver, &sim_power_driver, &sim_gamepad_driver, &sim_link_driver },
 	{ "gpio", "stereo sync on a GPIO line of the kernel", .shutter = &bb_shutter_gpio_driver },
+	/* wired, and named by the room: no other scheme opens a CAN interface */
+	{ "can", "CANopen shutter controllers on a SocketCAN interface", &bb_shutter_can_driver, NULL, NULL, NULL, NULL,
+	  NULL, NULL },
 };
 
 const struct bb_backend *bb_backend(size_t i)

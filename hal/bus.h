@@ -31,17 +31,22 @@ struct bb_can_frame {
 	bool extended, remote, error;
 	uint8_t n_bytes;  /* 0..8 */
 	uint8_t bytes[8];
-	int64_t at_ns;    /* reception, host time */
+	int64_t at_ns;    /* reception: the end of the frame, host time */
 };
+/* An error frame's id holds its classes and bytes what SocketCAN puts there (drivers/canopen_wire.h names them). */
 struct bb_can_bus;
 struct bb_can_ops {
 	enum bb_status (*send)(struct bb_can_bus *bus, const struct bb_can_frame *frame); /* BB_ERR_BUSY: queue full */
-	enum bb_status (*receive)(struct bb_can_bus *bus, struct bb_can_frame *frame);    /* BB_TIMEOUT: none */
+	/* BB_TIMEOUT: none. BB_ERR_LOST from either: the interface is down or gone; ask again, it may come back. */
+	enum bb_status (*receive)(struct bb_can_bus *bus, struct bb_can_frame *frame);
+	/* Back on the bus after bus-off. BB_ERR_UNSUPPORTED: not ours to do, the link restarts by itself or never. */
+	enum bb_status (*restart)(struct bb_can_bus *bus);
 	void (*close)(struct bb_can_bus *bus);
 };
 struct bb_can_bus {
 	const struct bb_can_ops *ops;
 	struct bb_clock *clk;
+	int64_t bitrate; /* bits per second, 0: not known */
 };
 
 struct bb_usb_setup {

@@ -69,6 +69,19 @@ int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic
 	return clk->virtual_time ? monotonic_ns : monotonic_ns - clk->zero_ns;
 }
 
+int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns)
+{
+	struct timespec t;
+
+	if (clk->virtual_time)
+		return realtime_ns;
+	const int64_t before_ns = bb_clock_now_ns(clk);
+	clock_gettime(CLOCK_REALTIME, &t);
+	const int64_t after_ns = bb_clock_now_ns(clk);
+	const int64_t age_ns = (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec - realtime_ns;
+	return before_ns + (after_ns - before_ns) / 2 - age_ns;
+}
+
 uint64_t bb_clock_steps(const struct bb_clock *clk)
 {
 	return clk->steps;

@@ -37,6 +37,10 @@ int64_t bb_clock_now_ns(const struct bb_clock *clk);
 /* A kernel's CLOCK_MONOTONIC stamp on this clock's axis. On the virtual clock stamps come from peers: unchanged. */
 int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic_ns);
 
+/* The host time of a CLOCK_REALTIME stamp, as the kernel gives them with received frames. Valid for stamps of the last
+ * moments: the wall clock may be set between two calls. On the virtual clock stamps are host time already. */
+int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns);
+
 /* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
 void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);

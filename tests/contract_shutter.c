@@ -6,6 +6,7 @@
 #include "drivers/shutter_gpio.h"
 #include "sim/bus_sim_line.h"
 #include "sim/sim_shutter.h"
+#include "tests/fixture_can.h"
 
 #define STAGES 4 /* front, left, right, emitter (as row 3 below) */
 #define ROW(stage) ((stage) == BB_STAGE_EMITTER ? STAGES - 1 : (stage))
@@ -56,12 +57,32 @@ static void close_gpio(struct bench *b)
 	sim_line_destroy(b->peer);
 }
 
+/* The shipped CAN driver with a chain of CANopen controllers at the far end of a medium. */
+static enum bb_status open_can(struct bench *b, const struct bb_open *open)
+{
+	struct can_far *far = calloc(1, sizeof(*far));
+
+	(void)open;
+	assert_non_null(far);
+	b->peer = far;
+	b->sh = can_far_open(&b->rig, far);
+	return BB_OK;
+}
+
+static void close_can(struct bench *b)
+{
+	can_far_close(b->peer);
+	free(b->peer);
+}
+
 static const struct backend backends[] = {
 	{ "shutter: sim, fidelity 0", 0, open_sim, NULL, &sim_shutter_driver },
 	{ "shutter: sim, fidelity 1", 1, open_sim, NULL, &sim_shutter_driver },
 	{ "shutter: sim, fidelity 2", 2, open_sim, NULL, &sim_shutter_driver },
 	{ "shutter: gpio driver, line without numbers", 0, open_gpio, close_gpio, NULL },
 	{ "shutter: gpio driver, numbered line", 1, open_gpio, close_gpio, NULL },
+	{ "shutter: CAN driver and peer, ideal", 0, open_can, close_can, NULL },
+	{ "shutter: CAN driver and peer", 1, open_can, close_can, NULL },
 };
 
 static int setup(void **state)

@@ -1,0 +1,507 @@
+/*
+ * tests/test_faults_can.c: rows C1 to C6 of the fault matrix on a simulated CAN: injected at the peer or the medium,
+ * detected by name within the row's budget, and over again. Virtual time. Prints one line a row.
+ */
+#include "drivers/canopen_codec.h"
+#include "tests/fixture_can.h"
+
+#define PERIOD (BB_NS_PER_S / 120)
+#define POLL (2 * MS)
+
+struct bench {
+	struct rig rig;
+	struct can_far far;
+	struct bb_shutter *sh;
+	size_t n[4];              /* edges read, by stage, the glasses last */
+	uint32_t seq[4];
+	int gaps;
+};
+
+static int setup(void **state)
+{
+	struct bench *b = calloc(1, sizeof(*b));
+
+	if (!b)
+		return -1;
+	rig_init(&b->rig, 5, 1);
+	b->sh = can_far_open(&b->rig, &b->far);
+	assert_int_equal(bb_shutter_set_mode(b->sh, BB_SHUTTER_STEREO), BB_OK);
+	rig_run(&b->rig, 300 * MS);
+	*state = b;
+	return 0;
+}
+
+static int teardown(void **state)
+{
+	struct bench *b = *state;
+
+	bb_shutter_close(b->sh);
+	can_far_close(&b->far);
+	rig_done(&b->rig);
+	free(b);
+	return 0;
+}
+
+static int64_t now(const struct bench *b)
+{
+	return bb_clock_now_ns(b->rig.clk);
+}
+
+static enum bb_status drain(struct bench *b)
+{
+	struct bb_shutter_edge e[64];
+	enum bb_status status;
+	size_t n;
+
+	while ((status = bb_shutter_read(b->sh, e, BB_ARRAY_LEN(e), &n)) == BB_OK)
+		for (size_t i = 0; i < n; i++) {
+			const int row = e[i].stage == BB_STAGE_EMITTER ? 3 : e[i].stage;
+			b->gaps += b->n[row] && e[i].seq != b->seq[row] + 1;
+			b->seq[row] = e[i].seq;
+			b->n[row]++;
+		}
+	return status;
+}
+
+static void run(struct bench *b, int64_t for_ns)
+{
+	for (const int64_t end_ns = now(b) + for_ns; now(b) < end_ns;) {
+		rig_run(&b->rig, MS / 2);
+		drain(b);
+	}
+}
+
+static void count_anew(struct bench *b)
+{
+	drain(b);
+	memset(b->n, 0, sizeof(b->n));
+	b->gaps = 0;
+}
+
+static struct bb_shutter_can_alarm alarm_of(const struct bench *b, enum bb_shutter_can_fault fault)
+{
+	return bb_shutter_can_alarm(b->sh, fault);
+}
+
+/* Runs until an alarm is raised or over; ns since from_ns, as the driver stamped it. */
+static int64_t until(struct bench *b, enum bb_shutter_can_fault fault, bool active, int64_t from_ns, int64_t most_ns)
+{
+	const int64_t end_ns = now(b) + most_ns;
+
+	while (alarm_of(b, fault).active != active) {
+		if (now(b) > end_ns)
+			fail_msg("%s is not %s within %lld ms", alarm_of(b, fault).name, active ? "raised" : "over",
+			         (long long)(most_ns / MS));
+		run(b, MS / 2);
+	}
+	return (active ? alarm_of(b, fault).raised_ns : alarm_of(b, fault).cleared_ns) - from_ns;
+}
+
+static void named(const struct bench *b, const char *word)
+{
+	assert_non_null(strstr(bb_shutter_device(b->sh)->last_error.detail, word));
+	assert_int_not_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_OK); /* never OK while faulted */
+}
+
+static void row(const char *id, const char *what, int64_t detected_ns, int64_t budget_ns, int64_t recovered_ns)
+{
+	print_message("%-4s %-46s detected %8.3f ms (budget %7.3f)  recovered %9.3f ms\n", id, what,
+	              (double)detected_ns * 1e-6, (double)budget_ns * 1e-6, (double)recovered_ns * 1e-6);
+	assert_true(detected_ns >= 0 && detected_ns <= budget_ns);
+}
+
+static void ends_well(struct bench *b)
+{
+	run(b, BB_NS_PER_S);
+	for (int i = 0; i < BB_CANF_COUNT; i++)
+		if (alarm_of(b, (enum bb_shutter_can_fault)i).active)
+			fail_msg("%s: %s", alarm_of(b, (enum bb_shutter_can_fault)i).name,
+			         bb_shutter_device(b->sh)->last_error.detail);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_OK);
+	count_anew(b);
+	run(b, BB_NS_PER_S);
+	for (int s = 0; s < 4; s++)
+		assert_true(b->n[s] >= 119 && b->n[s] <= 121);
+	assert_int_equal(b->gaps, 0);
+}
+
+static bool all_shut(const struct bench *b)
+{
+	for (size_t i = 0; i < 4; i++)
+		if (sim_chain_is_open(b->far.chain, i))
+			return false;
+	return true;
+}
+
+static void c1_bus_off(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	sim_can_bus_off(sim_can_host(b->far.can));
+	const int64_t found_ns = until(b, BB_CANF_BUS_OFF, true, from_ns, 50 * MS);
+	named(b, "BUS_OFF tec 255");
+	assert_true(bb_shutter_can_status(b->sh).tx_stopped);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_HOLDOVER);
+	assert_int_equal(bb_shutter_set_phase(b->sh, 0, 1000000, 1000000), BB_OK); /* kept for later */
+	run(b, 50 * MS);
+	assert_true(all_shut(b)); /* outputs held */
+	const int64_t over_ns = until(b, BB_CANF_BUS_OFF, false, from_ns, 200 * MS);
+	row("C1", "bus-off", found_ns, 10 * MS, over_ns);
+	assert_true(over_ns >= 80 * MS && over_ns <= 125 * MS); /* 100 ms +-20 %, 1.4 ms of recessive bits, a poll */
+	assert_true(all_shut(b));
+	ends_well(b);
+}
+
+/* All the host sends is destroyed: warning, passive and off by its own counters. */
+static void c1_by_counters(void **state)
+{
+	struct bench *b = *state;
+	const int64_t broken_ns = now(b);
+
+	sim_can_break_tx(sim_can_host(b->far.can), true);
+	const int64_t passive_ns = until(b, BB_CANF_BUS_ERROR, true, broken_ns, 200 * MS);
+	const int64_t off_ns = until(b, BB_CANF_BUS_OFF, true, broken_ns, 200 * MS);
+	row("C1", "every sent frame destroyed: first warning", passive_ns, 110 * MS, off_ns);
+	assert_true(off_ns - passive_ns < 10 * MS); /* 20 more frames of some 100 bits */
+	sim_can_break_tx(sim_can_host(b->far.can), false);
+	until(b, BB_CANF_BUS_OFF, false, broken_ns, 300 * MS);
+	ends_well(b);
+}
+
+static void c1_too_often(void **state)
+{
+	struct bench *b = *state;
+	int64_t at_ns[8] = { 0 };
+
+	for (int k = 0; k < 6; k++) {
+		at_ns[k] = now(b);
+		sim_can_bus_off(sim_can_host(b->far.can));
+		until(b, BB_CANF_BUS_OFF, true, at_ns[k], 50 * MS);
+		if (k < 5)
+			at_ns[k] = until(b, BB_CANF_BUS_OFF, false, at_ns[k], 3 * BB_NS_PER_S);
+	}
+	for (int k = 0; k < 5; k++)
+		assert_true(at_ns[k] > (80 * MS << k) && at_ns[k] < (120 * MS << k) + 5 * MS);
+	run(b, 5 * BB_NS_PER_S);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_QUARANTINED);
+	assert_int_equal(drain(b), BB_ERR_LOST);
+	print_message("C1   sixth bus-off within a minute: left alone; waits were %.0f, %.0f, %.0f, %.0f, %.0f ms\n",
+	              (double)at_ns[0] * 1e-6, (double)at_ns[1] * 1e-6, (double)at_ns[2] * 1e-6,
+	              (double)at_ns[3] * 1e-6, (double)at_ns[4] * 1e-6);
+	for (size_t i = 0; i < 4; i++)
+		assert_true(sim_chain_is_open(b->far.chain, i)); /* nobody commands them: open */
+}
+
+static void babble(struct bench *b, uint32_t id, const char *what, int stage_lost)
+{
+	struct bb_can_frame f = { .id = id, .n_bytes = 8, .bytes = { 1, 2, 3 } };
+	const int64_t from_ns = now(b);
+
+	count_anew(b);
+	sim_can_babble(b->far.can, &f, 300 * US);
+	const int64_t found_ns = until(b, BB_CANF_BABBLE, true, from_ns, 200 * MS);
+	assert_int_equal(alarm_of(b, BB_CANF_BABBLE).detail, id);
+	run(b, BB_NS_PER_S);
+	for (int s = 0; s < 4; s++) /* everybody else is heard as ever */
+		assert_true(s == stage_lost || (b->n[s] >= 119 && b->n[s] <= 125));
+	assert_int_equal(alarm_of(b, BB_CANF_SYNC_LATE).count, 0);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_DEGRADED);
+	const int64_t quiet_ns = now(b);
+	sim_can_babble(b->far.can, &f, 0);
+	const int64_t over_ns = until(b, BB_CANF_BABBLE, false, quiet_ns, 8 * BB_NS_PER_S);
+	row("C2", what, found_ns, 100 * MS, over_ns);
+	assert_true(over_ns >= 4900 * MS && over_ns <= 5100 * MS);
+	ends_well(b);
+}
+
+static void c2_babbling_stranger(void **state)
+{
+	babble(*state, 0x123, "babbling node, id 123, 3300/s", -1);
+}
+
+static void c2_babbling_above_sync(void **state)
+{
+	babble(*state, 0x00a, "babbling node, id 00a (before SYNC)", -1);
+}
+
+static void c2_babbling_stage(void **state)
+{
+	babble(*state, CO_TPDO1 + CAN_NODE + 1, "babbling stage: its own phase id", 0);
+}
+
+static void c3_node_lost(void **state)
+{
+	struct bench *b = *state;
+	struct sim_co_node *left = sim_chain_node(b->far.chain, 2);
+	const int64_t from_ns = now(b);
+
+	sim_can_mute(&left->port, true);
+	const int64_t found_ns = until(b, BB_CANF_NODE_LOST, true, from_ns, 500 * MS);
+	named(b, "NODE_LOST node 7 (left)");
+	assert_int_equal(alarm_of(b, BB_CANF_NODE_LOST).detail, CAN_NODE + 2);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_DEGRADED);
+	run(b, 600 * MS);
+	assert_true(sim_chain_is_open(b->far.chain, 2)); /* its safe default */
+	assert_false(sim_chain_is_open(b->far.chain, 1));
+	const int64_t back_ns = now(b);
+	sim_can_mute(&left->port, false);
+	const int64_t over_ns = until(b, BB_CANF_NODE_LOST, false, back_ns, 2 * BB_NS_PER_S);
+	row("C3", "node unplugged from the bus", found_ns, 150 * MS + POLL, over_ns);
+	ends_well(b);
+}
+
+static void c3_node_boots(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	assert_int_equal(bb_shutter_set_phase(b->sh, 1, 2222000, 750000), BB_OK);
+	run(b, 50 * MS);
+	sim_chain_power(b->far.chain, 2, false);
+	const int64_t found_ns = until(b, BB_CANF_NODE_LOST, true, from_ns, 500 * MS) - 50 * MS;
+	run(b, 100 * MS);
+	const int64_t back_ns = now(b);
+	sim_chain_power(b->far.chain, 2, true);
+	const int64_t over_ns = until(b, BB_CANF_NODE_LOST, false, back_ns, 2 * BB_NS_PER_S);
+	row("C3", "node without power, then boots", found_ns, 150 * MS + POLL, over_ns);
+	/* Too quick for heartbeats: its boot-up tells. */
+	const int64_t again_ns = now(b);
+	sim_chain_power(b->far.chain, 2, false);
+	sim_chain_power(b->far.chain, 2, true);
+	const int64_t seen_ns = until(b, BB_CANF_NODE_LOST, true, again_ns, 500 * MS);
+	row("C3", "node starts anew within a heartbeat", seen_ns, 150 * MS + POLL,
+	    until(b, BB_CANF_NODE_LOST, false, again_ns, 2 * BB_NS_PER_S));
+	ends_well(b);
+}
+
+static void c4_queue_full(void **state)
+{
+	struct bench *b = *state;
+	int calls = 0;
+
+	sim_can_hold_tx(sim_can_host(b->far.can), true);
+	const int64_t from_ns = now(b);
+	for (; !alarm_of(b, BB_CANF_TX_DROP).active; calls++)
+		assert_int_equal(bb_shutter_set_mode(b->sh, calls % 2 ? BB_SHUTTER_STEREO : BB_SHUTTER_OPEN), BB_OK);
+	assert_true(calls > BB_STAGES_MAX && calls < 100);
+	assert_int_equal(now(b), from_ns); /* the same call */
+	named(b, "TX_DROP");
+	if (calls % 2)
+		assert_int_equal(bb_shutter_set_mode(b->sh, BB_SHUTTER_STEREO), BB_OK);
+	for (int64_t k = 0; k < 200; k++) /* state: the newest wins */
+		assert_int_equal(bb_shutter_set_phase(b->sh, 0, 1000000 + k * 1000, 1000000), BB_OK);
+	run(b, 100 * MS);
+	const int64_t free_ns = now(b);
+	sim_can_hold_tx(sim_can_host(b->far.can), false);
+	const int64_t over_ns = until(b, BB_CANF_TX_DROP, false, free_ns, 500 * MS);
+	row("C4", "send queue full", 0, 1, over_ns);
+	ends_well(b);
+	const struct sim_co_node *front = sim_chain_node(b->far.chain, 1);
+	for (size_t i = 0; i < front->n_app; i++)
+		if (front->app[i].index == SHUT_OD_DRIVE && front->app[i].sub == 1)
+			assert_int_equal(*front->app[i].value, 1199000);
+}
+
+static void c4_nothing_drains(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	sim_can_hold_tx(sim_can_host(b->far.can), true);
+	/* Ten heartbeats fit into the interface's queue: only then is anything refused. */
+	for (int64_t k = 0; k < 16; k++) {
+		assert_int_equal(bb_shutter_set_phase(b->sh, (uint8_t)(k % 3), 1000000 + k * 10000, 1000000), BB_OK);
+		run(b, 25 * MS);
+	}
+	const int64_t found_ns = until(b, BB_CANF_TX_DROP, true, from_ns, BB_NS_PER_S);
+	sim_can_hold_tx(sim_can_host(b->far.can), false);
+	const int64_t free_ns = now(b);
+	row("C4", "send queue does not drain", found_ns, 500 * MS,
+	    until(b, BB_CANF_TX_DROP, false, free_ns, 500 * MS));
+	run(b, 2 * BB_NS_PER_S);
+	ends_well(b);
+}
+
+/* A phase of node 6 with a right CRC, found by trying. */
+static struct bb_can_frame forged(uint8_t counter, uint8_t sequence)
+{
+	struct bb_can_frame f = { .id = CO_TPDO1 + CAN_NODE + 1, .n_bytes = 8,
+		                  .bytes = { counter, 1 | SHUT_FLAG_LINE, 0x40, 0x42, 0x0f, 0, sequence } };
+	struct bb_co_phase p;
+
+	for (int crc = 0; crc < 256; crc++) {
+		f.bytes[7] = (uint8_t)crc;
+		if (bb_co_read_phase(&f, &p) == BB_OK)
+			break;
+	}
+	return f;
+}
+
+/* One frame from nowhere; ns from its end to its being found. The driver looks every 2 ms. */
+static int64_t one_frame(struct bench *b, const struct bb_can_frame *f, enum bb_shutter_can_fault fault)
+{
+	const uint64_t count = alarm_of(b, fault).count;
+	const int64_t from_ns = now(b);
+	struct bb_shutter_can_node before, after;
+
+	bb_shutter_can_node(b->sh, 1, &before);
+	sim_can_inject(b->far.can, f);
+	while (alarm_of(b, fault).count == count) {
+		assert_true(now(b) - from_ns < 10 * MS);
+		rig_run(&b->rig, 20 * US);
+		drain(b); /* reading looks at once */
+	}
+	bb_shutter_can_node(b->sh, 1, &after);
+	assert_true(after.phases <= before.phases + 1); /* at most the true one beside it */
+	return alarm_of(b, fault).raised_ns - from_ns;
+}
+
+static void over(struct bench *b, const char *what, enum bb_shutter_can_fault fault, int64_t found_ns)
+{
+	const int64_t from_ns = now(b);
+
+	row("C5", what, found_ns, 500 * US, until(b, fault, false, from_ns, BB_NS_PER_S));
+	ends_well(b);
+}
+
+static void c5_wrong_frames(void **state)
+{
+	struct bench *b = *state;
+	struct bb_can_frame f = forged(9, 1);
+
+	f.n_bytes = 7;
+	over(b, "phase of 7 bytes", BB_CANF_PROTO, one_frame(b, &f, BB_CANF_PROTO));
+	f = forged(9, 1);
+	f.bytes[7] ^= 1;
+	over(b, "phase with a wrong CRC", BB_CANF_PROTO, one_frame(b, &f, BB_CANF_PROTO));
+	f = (struct bb_can_frame){ .id = CO_HEARTBEAT + CAN_NODE, .n_bytes = 2 };
+	over(b, "heartbeat of 2 bytes", BB_CANF_PROTO, one_frame(b, &f, BB_CANF_PROTO));
+	f = (struct bb_can_frame){ .id = CO_SYNC, .n_bytes = 3, .bytes = { 1, 1, 1 } };
+	over(b, "SYNC of 3 bytes", BB_CANF_PROTO, one_frame(b, &f, BB_CANF_PROTO));
+}
+
+static void c5_duplicate_node(void **state)
+{
+	struct bench *b = *state;
+	struct bb_shutter_can_status st = bb_shutter_can_status(b->sh);
+
+	run(b, 6 * MS); /* between two edges of stage 0 */
+	st = bb_shutter_can_status(b->sh);
+	const struct bb_can_frame f = forged((uint8_t)(st.sync_seq % 240 + 1), 77);
+	const int64_t found_ns = one_frame(b, &f, BB_CANF_DUP_ID);
+	named(b, "DUP_ID two controllers answer as node 6");
+	over(b, "two nodes with one id", BB_CANF_DUP_ID, found_ns);
+	const struct bb_can_frame host = { .id = CO_HEARTBEAT + 127, .n_bytes = 1, .bytes = { 5 } };
+	over(b, "somebody with the host's own id", BB_CANF_DUP_ID, one_frame(b, &host, BB_CANF_DUP_ID));
+}
+
+static void c5_stale_counter(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	sim_chain_freeze(b->far.chain, 1, true);
+	const int64_t found_ns = until(b, BB_CANF_STALE, true, from_ns, 100 * MS);
+	count_anew(b);
+	run(b, 200 * MS);
+	assert_int_equal(b->n[0], 0); /* dropped, each of them */
+	assert_true(b->n[1] >= 23);
+	sim_chain_freeze(b->far.chain, 1, false);
+	const int64_t thawed_ns = now(b);
+	row("C5", "a counter that stands still", found_ns, 2 * PERIOD + POLL,
+	    until(b, BB_CANF_STALE, false, thawed_ns, BB_NS_PER_S));
+	ends_well(b);
+}
+
+static void c6_sync_missing(void **state)
+{
+	struct bench *b = *state;
+	struct bb_shutter_can_status st = bb_shutter_can_status(b->sh);
+
+	count_anew(b);
+	const int64_t due_ns = st.sync_ns + PERIOD; /* the next one does not come */
+	sim_chain_drop_sync(b->far.chain, 3);
+	const int64_t found_ns = until(b, BB_CANF_SYNC_LATE, true, due_ns, 50 * MS);
+	named(b, "SYNC_LATE");
+	const int64_t over_ns = until(b, BB_CANF_SYNC_LATE, false, due_ns, 500 * MS);
+	row("C6", "three SYNCs missing", found_ns, PERIOD, over_ns);
+	assert_true(over_ns >= 11 * PERIOD && over_ns <= 14 * PERIOD); /* three missed, ten good */
+	assert_int_equal(b->gaps, 0); /* phases had the host's clock to stand on */
+	assert_true(bb_shutter_can_status(b->sh).freewheeled >= 3);
+	ends_well(b);
+}
+
+static void c6_sync_late(void **state)
+{
+	struct bench *b = *state;
+	struct bb_shutter_can_status st = bb_shutter_can_status(b->sh);
+	const int64_t due_ns = st.sync_ns + PERIOD;
+
+	sim_chain_late_sync(b->far.chain, 3 * MS);
+	const int64_t found_ns = until(b, BB_CANF_SYNC_LATE, true, due_ns, 50 * MS);
+	run(b, 20 * MS);
+	sim_chain_late_sync(b->far.chain, 0);
+	const int64_t ended_ns = now(b);
+	row("C6", "SYNC 3 ms late", found_ns, PERIOD,
+	    until(b, BB_CANF_SYNC_LATE, false, ended_ns, 500 * MS));
+	ends_well(b);
+}
+
+static void c6_link_down(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	sim_can_link_down(b->far.can, true);
+	const int64_t found_ns = until(b, BB_CANF_IF_DOWN, true, from_ns, 100 * MS);
+	named(b, "IF_DOWN");
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_HOLDOVER);
+	const uint32_t seq = bb_shutter_can_status(b->sh).sync_seq;
+	run(b, BB_NS_PER_S);
+	assert_in_range(bb_shutter_can_status(b->sh).sync_seq - seq, 118, 121); /* freewheels */
+	assert_true(sim_chain_is_open(b->far.chain, 1)); /* no host: open */
+	sim_can_link_down(b->far.can, false);
+	const int64_t up_ns = now(b);
+	const int64_t over_ns = until(b, BB_CANF_IF_DOWN, false, up_ns, BB_NS_PER_S);
+	row("C6", "interface down for 1 s", found_ns, 50 * MS, over_ns);
+	assert_true(over_ns >= 9 * PERIOD && over_ns <= 12 * PERIOD);
+	ends_well(b);
+	/* For good: lost after the holdover. */
+	sim_can_link_down(b->far.can, true);
+	run(b, 9 * BB_NS_PER_S);
+	assert_int_equal(drain(b), BB_ERR_LOST);
+	sim_can_link_down(b->far.can, false);
+	run(b, BB_NS_PER_S);
+	ends_well(b);
+}
+
+/* Noise: one frame in fifty is destroyed. Nothing may be lost but time. */
+static void noise_costs_time_only(void **state)
+{
+	struct bench *b = *state;
+
+	sim_can_error_ppm(b->far.can, 20000);
+	count_anew(b);
+	run(b, 5 * BB_NS_PER_S);
+	for (int s = 0; s < 4; s++)
+		assert_true(b->n[s] >= 598 && b->n[s] <= 602);
+	assert_int_equal(b->gaps, 0);
+	assert_true(sim_can_counters(b->far.can)->errors > 50);
+	sim_can_error_ppm(b->far.can, 0);
+	ends_well(b);
+}
+
+#define T(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		T(c1_bus_off), T(c1_by_counters), T(c1_too_often), T(c2_babbling_stranger), T(c2_babbling_above_sync),
+		T(c2_babbling_stage), T(c3_node_lost), T(c3_node_boots), T(c4_queue_full), T(c4_nothing_drains),
+		T(c5_wrong_frames), T(c5_duplicate_node), T(c5_stale_counter), T(c6_sync_missing), T(c6_sync_late),
+		T(c6_link_down), T(noise_costs_time_only),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
