@@ -3,12 +3,20 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "drivers/camera_usb.h"
+#include "drivers/gamepad_hid.h"
+#include "drivers/gamepad_xusb.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
 	/* first: a room without wires must never touch hardware */
 	{ "sim", "models in this process", &sim_shutter_driver, &sim_camera_driver, &sim_display_driver,
 	  &sim_monitor_driver, &sim_power_driver, &sim_gamepad_driver, &sim_link_driver },
+	/* a vendor's own wire: what this asks for nobody else drives */
+	{ .scheme = "usb", .help = "libusb: IR tracking cameras, Xbox 360 wireless receivers",
+	  .camera = &bb_camera_usb_driver, .gamepad = &bb_gamepad_xusb_driver },
+	/* pads by their own reports: battery, rumble and the seam of the hand's two halves, which evdev hides */
+	{ .scheme = "hid", .help = "hidraw: RumblePad 2, SpaceMouse", .gamepad = &bb_gamepad_hid_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)

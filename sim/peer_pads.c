@@ -276,6 +276,7 @@ enum bb_status sim_peer_pad_create(const struct sim_peer_config *c, struct sim_p
 		return status;
 	}
 	p->battery_due_ns = now_of(p);
+	sim_peer_usb_init(p);
 	p->model->joined(p);
 	*out = p;
 	return BB_OK;

@@ -2,15 +2,15 @@
  * sim/peer_pads.h: the far ends of gamepads' wires, byte for byte, with encoders of their own: RumblePad 2 wired and
  * wireless, SpaceNavigator, wireless SpaceMouse, and the pads of an Xbox 360 wireless receiver. Each plays an event
  * text (sim/sim_gamepad.h has the format) every 8 to 16 ms while an axis is off neutral or something changed, in step
- * with a simulated gamepad of the same seed and id. bus_sim_hid.h and bus_sim_xusb.h put drivers before them in this
+ * with a simulated gamepad of the same seed and id. bus_sim_hid.h and bus_sim_usb.h put drivers before them in this
  * process, uhid.h the kernel, the USB face below a USB/IP server. Runs on its clock; one thread.
  */
 #ifndef BB_SIM_PEER_PADS_H
 #define BB_SIM_PEER_PADS_H
 
-#include "hal/bus.h"
 #include "sim/faults.h"
 #include "sim/sim_gamepad.h"
+#include "sim/sim_usb_device.h"
 #include "sim/world.h"
 
 enum sim_peer_kind {
@@ -64,39 +64,18 @@ void sim_peer_pad_send(struct sim_peer_pad *p, const uint8_t *bytes, size_t n);
 void sim_peer_pad_truth(const struct sim_peer_pad *p, struct sim_pad_state *out);
 extern const struct sim_verb sim_peer_pad_verbs[];
 
-/*
- * The USB face: what a USB/IP server (or any other bus) needs to be one of these devices. Standard requests for device,
- * configuration and string descriptors, SET_CONFIGURATION and GET_STATUS are the server's, from the bytes here; every
- * other control request goes to control(): BB_ERR_IO is a stall. in(): BB_TIMEOUT means park the request until the
- * listener is called. Strings count from 1.
- */
-struct sim_usb_face {
-	const uint8_t *device;     /* 18 bytes */
-	const uint8_t *config;
-	size_t n_config;
-	const char *string[4];     /* ASCII; index i + 1; NULL ends them */
-	uint32_t speed;            /* as USB/IP counts: 2 full */
-	enum bb_status (*control)(void *ctx, const struct bb_usb_setup *setup, uint8_t *bytes, size_t *n_bytes);
-	enum bb_status (*in)(void *ctx, uint8_t endpoint, uint8_t *bytes, size_t cap, size_t *n_out);
-	enum bb_status (*out)(void *ctx, uint8_t endpoint, const uint8_t *bytes, size_t n);
-	bool (*plugged)(void *ctx);
-	void *ctx;
-};
-/* Of a RumblePad 2 or SpaceMouse; the peer outlives it. BB_ERR_UNSUPPORTED: an Xbox pad has none of its own. */
-BB_MUST_CHECK enum bb_status sim_peer_pad_usb(struct sim_peer_pad *p, struct sim_usb_face *out);
+/* The USB face, for a bus in this process (bus_sim_usb.h) or a USB/IP server. NULL: an Xbox pad has none of its own.
+ * What is parked on its IN endpoint may go on when the listener is called. */
+struct sim_usb_device *sim_peer_pad_usb(struct sim_peer_pad *p);
 
-/* The Xbox 360 wireless receiver with up to four pads; an empty slot is NULL. The caller's memory; the pads outlive it. */
+/* The Xbox 360 wireless receiver with up to four pads; an empty slot is NULL. The caller's memory; the pads outlive it,
+ * and all pads' plugs are the receiver's: one pulled, all gone. Pads are on endpoints 1, 3, 5, 7 in both directions. */
 #define SIM_XBOX_SLOTS 4
 struct sim_xbox_receiver {
+	struct sim_usb_device usb;
 	struct sim_peer_pad *pad[SIM_XBOX_SLOTS];
 	bool asked[SIM_XBOX_SLOTS]; /* an empty slot owes an answer to a presence inquiry */
 };
-/* Interrupt endpoints: 1 + 2 * slot, bit 7 set for IN; those of the headsets are silent. */
-BB_MUST_CHECK enum bb_status sim_xbox_in(struct sim_xbox_receiver *r, uint8_t endpoint, uint8_t *bytes, size_t cap,
-                                         size_t *n_out);
-BB_MUST_CHECK enum bb_status sim_xbox_out(struct sim_xbox_receiver *r, uint8_t endpoint, const uint8_t *bytes, size_t n);
-bool sim_xbox_plugged(const struct sim_xbox_receiver *r); /* all pads' plugs are the receiver's: one pulled, all gone */
-uint32_t sim_xbox_generation(const struct sim_xbox_receiver *r);
-void sim_xbox_usb(struct sim_xbox_receiver *r, struct sim_usb_face *out);
+void sim_xbox_init(struct sim_xbox_receiver *r);
 
 #endif

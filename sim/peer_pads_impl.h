@@ -29,6 +29,8 @@ struct peer_model {
 struct sim_peer_pad {
 	enum sim_peer_kind kind;
 	const struct peer_model *model;
+	struct sim_usb_device usb;
+	uint8_t usb_config[34];
 	char id[BB_ID_MAX];
 	struct bb_clock *clk;
 	struct sim_world *world;
@@ -59,6 +61,7 @@ struct sim_peer_pad {
 void sim_peer_emit(struct sim_peer_pad *p, const uint8_t *bytes, size_t n);
 extern const struct peer_model sim_peer_rumblepad_wired, sim_peer_rumblepad_wireless, sim_peer_spacenavigator,
 	sim_peer_spacemouse, sim_peer_xbox;
+void sim_peer_usb_init(struct sim_peer_pad *p);
 /* HID report descriptors; NULL for the Xbox pad. */
 const uint8_t *sim_peer_hid_descriptor(enum sim_peer_kind kind, size_t *n_out);
 

@@ -93,21 +93,19 @@ const struct peer_model sim_peer_xbox = { { 32767, 32767, 32767, 32767, 1, 1 }, 
 
 /* The receiver. ------------------------------------------------------------------------------------------------ */
 
-bool sim_xbox_plugged(const struct sim_xbox_receiver *r)
+static struct sim_xbox_receiver *receiver(struct sim_usb_device *dev)
 {
+	return bb_container_of(dev, struct sim_xbox_receiver, usb);
+}
+
+static bool xbox_present(struct sim_usb_device *dev)
+{
+	const struct sim_xbox_receiver *r = receiver(dev);
+
 	for (size_t i = 0; i < SIM_XBOX_SLOTS; i++)
 		if (r->pad[i] && !sim_peer_pad_plugged(r->pad[i]))
 			return false;
 	return true;
-}
-
-uint32_t sim_xbox_generation(const struct sim_xbox_receiver *r)
-{
-	uint32_t sum = 0;
-
-	for (size_t i = 0; i < SIM_XBOX_SLOTS; i++)
-		sum += r->pad[i] ? sim_peer_pad_generation(r->pad[i]) : 0;
-	return sum;
 }
 
 /* Slot of a pad's endpoint; SIM_XBOX_SLOTS: a headset's; -1: none. */
@@ -120,41 +118,66 @@ static int slot_of(uint8_t endpoint)
 	return number & 1 ? number / 2 : SIM_XBOX_SLOTS;
 }
 
-enum bb_status sim_xbox_in(struct sim_xbox_receiver *r, uint8_t endpoint, uint8_t *bytes, size_t cap, size_t *n_out)
+static int xbox_in(struct sim_usb_device *dev, uint8_t endpoint, uint8_t *bytes, size_t cap)
 {
+	struct sim_xbox_receiver *r = receiver(dev);
 	const int slot = slot_of(endpoint);
-	int64_t at_ns;
+	size_t n;
 
-	*n_out = 0;
-	if (!sim_xbox_plugged(r))
-		return BB_ERR_LOST;
+	if (!xbox_present(dev))
+		return SIM_USB_GONE;
 	if (slot < 0)
-		return BB_ERR_IO;
+		return SIM_USB_STALL;
 	if (slot == SIM_XBOX_SLOTS)
-		return BB_TIMEOUT;
+		return SIM_USB_NAK;
 	if (r->pad[slot])
-		return sim_peer_pad_take(r->pad[slot], bytes, cap, n_out, &at_ns);
+		return sim_peer_pad_take(r->pad[slot], bytes, cap, &n, &dev->in_at_ns) == BB_OK ? (int)n : SIM_USB_NAK;
 	if (!r->asked[slot] || cap < 2)
-		return BB_TIMEOUT;
+		return SIM_USB_NAK;
 	r->asked[slot] = false;
 	bytes[0] = PAD_WIRE_XBOX_STATUS;
 	bytes[1] = 0;
-	*n_out = 2;
-	return BB_OK;
+	return 2;
 }
 
-enum bb_status sim_xbox_out(struct sim_xbox_receiver *r, uint8_t endpoint, const uint8_t *bytes, size_t n)
+static int xbox_out(struct sim_usb_device *dev, uint8_t endpoint, const uint8_t *bytes, size_t n)
 {
+	struct sim_xbox_receiver *r = receiver(dev);
 	const int slot = slot_of(endpoint);
 
-	if (!sim_xbox_plugged(r))
-		return BB_ERR_LOST;
+	if (!xbox_present(dev))
+		return SIM_USB_GONE;
 	if (slot < 0 || n > 32)
-		return BB_ERR_IO;
+		return SIM_USB_STALL;
 	if (slot == SIM_XBOX_SLOTS)
-		return BB_OK;
+		return (int)n;
 	if (r->pad[slot])
-		return sim_peer_pad_give(r->pad[slot], bytes, n);
+		return sim_peer_pad_give(r->pad[slot], bytes, n) == BB_OK ? (int)n : SIM_USB_STALL;
 	r->asked[slot] = n >= 4 && bytes[0] == 0x08 && bytes[2] == 0x0F && bytes[3] == 0xC0;
-	return BB_OK;
+	return (int)n;
+}
+
+#define XBOX_PAD(number, endpoint)                                                                                    \
+	9, 4, number, 0, 2, 0xFF, 0x5D, 0x81, 0, 7, 5, 0x80 | (endpoint), 3, 32, 0, 1, 7, 5, endpoint, 3, 32, 0, 8
+#define XBOX_HEADSET(number, endpoint)                                                                                \
+	9, 4, number, 0, 2, 0xFF, 0x5D, 0x82, 0, 7, 5, 0x80 | (endpoint), 3, 32, 0, 2, 7, 5, endpoint, 3, 32, 0, 4
+#define XBOX_CONFIG_BYTES (9 + 8 * (9 + 7 + 7))
+
+static const uint8_t xbox_device[18] = {
+	18, 1, 0x00, 0x02, 0xFF, 0xFF, 0xFF, 8, PAD_WIRE_VENDOR_MICROSOFT & 0xFF, PAD_WIRE_VENDOR_MICROSOFT >> 8,
+	PAD_WIRE_XBOX_RECEIVER & 0xFF, PAD_WIRE_XBOX_RECEIVER >> 8, 0x00, 0x01, 1, 2, 3, 1,
+};
+static const uint8_t xbox_config[XBOX_CONFIG_BYTES] = {
+	9, 2, XBOX_CONFIG_BYTES & 0xFF, XBOX_CONFIG_BYTES >> 8, 8, 1, 0, 0xA0, 130,
+	XBOX_PAD(0, 1), XBOX_HEADSET(1, 2), XBOX_PAD(2, 3), XBOX_HEADSET(3, 4),
+	XBOX_PAD(4, 5), XBOX_HEADSET(5, 6), XBOX_PAD(6, 7), XBOX_HEADSET(7, 8),
+};
+
+void sim_xbox_init(struct sim_xbox_receiver *r)
+{
+	static const struct sim_usb_ops ops = { sim_usb_no_control, xbox_in, xbox_out, sim_usb_no_reset, xbox_present };
+
+	*r = (struct sim_xbox_receiver){ .usb = { .ops = &ops, .speed = SIM_USB_FULL, .device = xbox_device,
+		                                  .config = xbox_config, .n_config = sizeof(xbox_config),
+		                                  .string = { NULL, "blackburst", "Xbox 360 receiver peer", "SIM0719" } } };
 }
