@@ -106,6 +106,7 @@ static enum bb_status pull_all(struct bb_pad_core *core)
 	if (pulled >= OVERRUN && core->n) {
 		/* Nobody read for a while: motion of long ago must not be played now. */
 		core->overruns++;
+		core->moved = false; /* unknown; the next report says */
 		core->n = 0;
 		(void)bb_device_fail(&core->g->dev, BB_OK, "read", "PAD_OVERRUN %zu old reports dropped", pulled);
 	}

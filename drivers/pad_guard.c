@@ -186,6 +186,17 @@ void bb_pad_guard_bad(struct bb_pad_core *core, const char *what)
 	count_second(core);
 }
 
+/* A pad that fell silent at zero rests there: what was taken off is not true any more. */
+static void forgive_rest(struct bb_pad_core *core)
+{
+	for (size_t i = 0; i < BB_PAD_AXES; i++)
+		if (core->drifting >> i & 1 && abs(core->axis[i].last) <= STILL_COUNTS && !core->axis[i].noisy) {
+			core->axis[i].centre = 0;
+			core->axis[i].since_ns = BB_NEVER;
+			core->drifting &= ~(1u << i);
+		}
+}
+
 void bb_pad_guard_idle(struct bb_pad_core *core)
 {
 	const int64_t now_ns = now_of(core);
@@ -200,6 +211,8 @@ void bb_pad_guard_idle(struct bb_pad_core *core)
 		(void)bb_device_fail(&core->g->dev, BB_TIMEOUT, "read", "PAD_SILENT for %lld ms with a stick deflected, %s",
 		                     (long long)((now_ns - core->last_ns) / MS), level);
 	}
+	if (core->drifting && now_ns - core->last_ns >= SETTLE_NS)
+		forgive_rest(core);
 	if (core->health == BB_HEALTH_DEGRADED && !core->drifting && now_ns - core->fault_ns >= SETTLE_NS)
 		bb_pad_guard_state(core, BB_HEALTH_OK);
 }
