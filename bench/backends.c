@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "drivers/camera_usb.h"
+#include "drivers/gamepad_evdev.h"
 #include "drivers/gamepad_hid.h"
 #include "drivers/gamepad_xusb.h"
 #include "sim/sim.h"
@@ -17,6 +18,8 @@ static const struct bb_backend backends[] = {
 	  .camera = &bb_camera_usb_driver, .gamepad = &bb_gamepad_xusb_driver },
 	/* pads by their own reports: battery, rumble and the seam of the hand's two halves, which evdev hides */
 	{ .scheme = "hid", .help = "hidraw: RumblePad 2, SpaceMouse", .gamepad = &bb_gamepad_hid_driver },
+	/* last: any pad the kernel drives, but changes only and no battery */
+	{ .scheme = "evdev", .help = "the kernel's input events, SDL mappings", .gamepad = &bb_gamepad_evdev_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)

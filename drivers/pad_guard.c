@@ -13,7 +13,6 @@
 #define REOPEN_FIRST_NS (100 * MS)
 #define REOPEN_MOST_NS (5000 * MS)
 #define MINUTE_NS (60000 * MS)
-#define STILL_COUNTS 2               /* an axis that moves less stands still */
 #define NOISE_TURNS_PER_S 20         /* no hand turns round that often for seconds */
 
 static int64_t now_of(const struct bb_pad_core *core)
@@ -52,6 +51,12 @@ static int32_t dead_counts(const struct bb_pad_core *core, size_t i)
 	return (int32_t)(BB_PAD_DEAD_ZONE * core->steps[i]);
 }
 
+/* An axis that moves less stands still: 2 counts, or a 64th of the way where counts are finer than the hand. */
+static int32_t still_counts(const struct bb_pad_core *core, size_t i)
+{
+	return core->steps[i] / 64 > 2 ? core->steps[i] / 64 : 2;
+}
+
 static bool is_neutral(const struct bb_pad_core *core)
 {
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
@@ -79,10 +84,10 @@ static void restart(struct bb_pad_axis *a, int32_t count, int64_t at_ns)
 	a->since_ns = at_ns;
 }
 
-static void watch_noise(struct bb_pad_axis *a, int32_t count, int64_t at_ns)
+static void watch_noise(struct bb_pad_axis *a, int32_t count, int32_t least, int64_t at_ns)
 {
 	const int32_t by = count - a->last;
-	const int direction = by > STILL_COUNTS ? 1 : by < -STILL_COUNTS ? -1 : 0;
+	const int direction = by > least ? 1 : by < -least ? -1 : 0;
 
 	if (direction && direction == -a->direction)
 		a->turns++;
@@ -99,18 +104,19 @@ static void watch_noise(struct bb_pad_axis *a, int32_t count, int64_t at_ns)
 static bool axis_is_wrong(struct bb_pad_core *core, size_t i, int32_t count, int64_t at_ns)
 {
 	struct bb_pad_axis *a = &core->axis[i];
+	const int32_t little = still_counts(core, i);
 
-	watch_noise(a, count, at_ns);
+	watch_noise(a, count, little, at_ns);
 	a->last = count;
 	a->least = count < a->least ? count : a->least;
 	a->most = count > a->most ? count : a->most;
-	const bool still = a->most - a->least <= STILL_COUNTS;
+	const bool still = a->most - a->least <= little;
 	if (a->since_ns == BB_NEVER || !still) {
 		restart(a, count, at_ns);
 		/* It moves: whatever stuck is free. A drift that was taken off stays off until the axis rests at zero. */
 		return a->noisy || a->centre;
 	}
-	if (abs(count) <= STILL_COUNTS) {
+	if (abs(count) <= little) {
 		a->centre = 0;
 		return a->noisy;
 	}
@@ -190,7 +196,7 @@ void bb_pad_guard_bad(struct bb_pad_core *core, const char *what)
 static void forgive_rest(struct bb_pad_core *core)
 {
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
-		if (core->drifting >> i & 1 && abs(core->axis[i].last) <= STILL_COUNTS && !core->axis[i].noisy) {
+		if (core->drifting >> i & 1 && abs(core->axis[i].last) <= still_counts(core, i) && !core->axis[i].noisy) {
 			core->axis[i].centre = 0;
 			core->axis[i].since_ns = BB_NEVER;
 			core->drifting &= ~(1u << i);
