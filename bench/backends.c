@@ -5,6 +5,10 @@
 
 #include "drivers/shutter_gpio.h"
 #include "drivers/shutter_can.h"
+#include "drivers/camera_usb.h"
+#include "drivers/gamepad_evdev.h"
+#include "drivers/gamepad_hid.h"
+#include "drivers/gamepad_xusb.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
@@ -15,6 +19,13 @@ static const struct bb_backend backends[] = {
 	/* wired, and named by the room: no other scheme opens a CAN interface */
 	{ "can", "CANopen shutter controllers on a SocketCAN interface", &bb_shutter_can_driver, NULL, NULL, NULL, NULL,
 	  NULL, NULL },
+	/* a vendor's own wire: what this asks for nobody else drives */
+	{ .scheme = "usb", .help = "libusb: IR tracking cameras, Xbox 360 wireless receivers",
+	  .camera = &bb_camera_usb_driver, .gamepad = &bb_gamepad_xusb_driver },
+	/* pads by their own reports: battery, rumble and the seam of the hand's two halves, which evdev hides */
+	{ .scheme = "hid", .help = "hidraw: RumblePad 2, SpaceMouse", .gamepad = &bb_gamepad_hid_driver },
+	/* last: any pad the kernel drives, but changes only and no battery */
+	{ .scheme = "evdev", .help = "the kernel's input events, SDL mappings", .gamepad = &bb_gamepad_evdev_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)

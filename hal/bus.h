@@ -62,10 +62,27 @@ struct bb_usb_ops {
 	                           int64_t deadline_ns);
 	enum bb_status (*clear_halt)(struct bb_usb_bus *bus, uint8_t endpoint);
 	void (*close)(struct bb_usb_bus *bus);
+	/* The device starts afresh, the bus stays open. BB_TIMEOUT: under way, ask again; BB_ERR_LOST: gone by it. */
+	enum bb_status (*reset)(struct bb_usb_bus *bus);
 };
 struct bb_usb_bus {
 	const struct bb_usb_ops *ops;
 	struct bb_clock *clk;
+	int64_t arrived_ns; /* when the bytes of the last IN transfer reached this host */
+};
+
+/* Which device: serial "" takes the only one there is, and open() fills in what it found ("" when it has none). */
+struct bb_usb_match {
+	uint16_t vendor, product;
+	uint8_t interface;
+	char serial[64];
+};
+/* Where USB devices are found. BB_ERR_LOST: none that matches; BB_ERR_BUSY: somebody else has it, or several match;
+ * BB_ERR_IO: it is there and may not be used. `why` says it in words. The bus is the caller's to close. */
+struct bb_usb_host {
+	enum bb_status (*open)(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
+	                       struct bb_usb_bus **out);
+	char why[96];
 };
 
 struct bb_hid_bus;
