@@ -17,7 +17,7 @@
 #define LOOK_NS (100 * MS_NS)        /* between looks for a camera that is gone */
 #define LOOK_MOST_NS (5000 * MS_NS)
 #define RESET_NS (2000 * MS_NS)
-#define SILENT_NS (100 * MS_NS)
+#define SILENT_NS (250 * MS_NS)      /* more than 30 % loss ever makes */
 #define MINUTE_NS (60000 * MS_NS)
 #define RESETS_A_MINUTE 3
 #define REOPENS_A_MINUTE 5
@@ -536,10 +536,11 @@ static void set_limits(struct camera_usb *c)
 		.least_latency_ns = c->exposure_ns - c->exposure_ns / 2 + llround(k->readout_us * 1000) +
 		                    llround(k->transfer_us * 1000),
 		.stamp_error_ns = c->stamped ? 1000 : llround(k->transfer_jitter_us * 1000) + 100000,
-		.blob_error_px = k->noise_px,
+		.blob_error_px = hypot(k->noise_px, 0.017 + 0.0002 * c->threshold), /* stripes: as measured */
 	};
 	c->time.period_ns = bb_rate_period_ns(k->rate);
 	c->time.least_latency_ns = c->base.limits.least_latency_ns;
+	c->time.jitter_ns = c->base.limits.stamp_error_ns;
 }
 
 static enum bb_status open_device(struct camera_usb *c)

@@ -76,7 +76,11 @@ static enum bb_status reset(struct bb_usb_bus *bus)
 
 static void bus_close(struct bb_usb_bus *bus)
 {
-	free(bb_container_of(bus, struct bus, base));
+	struct bus *b = bb_container_of(bus, struct bus, base);
+
+	if (b->usb->port[b->port].claimed == b)
+		b->usb->port[b->port].claimed = NULL;
+	free(b);
 }
 
 static const struct bb_usb_ops ops = { control, transfer, clear_halt, bus_close, reset };
@@ -125,9 +129,14 @@ static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *m
 		snprintf(host->why, sizeof(host->why), "no %04x:%04x on the bus", match->vendor, match->product);
 	if (n != 1)
 		return n ? BB_ERR_BUSY : BB_ERR_LOST;
+	if (usb->port[at].claimed) {
+		snprintf(host->why, sizeof(host->why), "another program has it");
+		return BB_ERR_BUSY;
+	}
 	struct bus *b = calloc(1, sizeof(*b));
 	if (!b)
 		return BB_ERR_NOMEM;
+	usb->port[at].claimed = b;
 	*b = (struct bus){ { .ops = &ops, .clk = clk }, usb, at, usb->port[at].plug };
 	memcpy(match->serial, found, sizeof(found));
 	usb->port[at].device->configuration = usb->port[at].device->config[5]; /* as the kernel does */
@@ -147,6 +156,7 @@ bool bus_sim_usb_plug(struct bus_sim_usb *usb, size_t port, struct sim_usb_devic
 	if (port >= BUS_SIM_USB_PORTS || usb->port[port].device)
 		return false;
 	usb->port[port].device = device;
+	usb->port[port].claimed = NULL;
 	usb->port[port].plug = ++usb->n_plugs;
 	sim_usb_reset(device);
 	return true;

@@ -375,7 +375,8 @@ static void dev_reset(struct sim_usb_device *dev)
 	p->streaming = p->lamps = false;
 	p->threshold = 96;
 	p->n_replies = p->n_out = p->sent_out = 0;
-	p->exposure_ns = p->offset_ns = 0;
+	p->exposure_ns = 0;
+	p->offset_ns = p->options.offset_ns;
 	p->configured = !p->options.needs_reload;
 	(void)!bb_camera_stop(p->model);
 }
