@@ -18,6 +18,7 @@
 #define LOOK_MOST_NS (5000 * MS_NS)
 #define RESET_NS (2000 * MS_NS)
 #define SILENT_NS (250 * MS_NS)      /* more than 30 % loss ever makes */
+#define PING_NS (50 * MS_NS)
 #define MINUTE_NS (60000 * MS_NS)
 #define RESETS_A_MINUTE 3
 #define REOPENS_A_MINUTE 5
@@ -330,6 +331,13 @@ static enum bb_status trouble(struct camera_usb *c, const char *what)
 	return status == BB_OK ? usb_error(c, what) : reset(c);
 }
 
+/* Somebody may have left its endpoint halted. */
+static enum bb_status begin_set_up(struct camera_usb *c)
+{
+	set_up_from_start(c);
+	return c->bus->ops->clear_halt(c->bus, TRACKIR_ENDPOINT_IN);
+}
+
 static enum bb_status look(struct camera_usb *c)
 {
 	const int64_t now_ns = now_of(c);
@@ -343,8 +351,7 @@ static enum bb_status look(struct camera_usb *c)
 		c->health.reopens++;
 		set_fault(c, BB_HEALTH_RECOVERING, "CAM_GONE");
 		c->cleared = false;
-		set_up_from_start(c);
-		return BB_OK;
+		return begin_set_up(c) == BB_OK ? BB_OK : gone(c, "open");
 	}
 	c->bus = NULL;
 	/* Looking at an empty bus is cheap, and a camera must be back within a second; one that is there and cannot be
@@ -389,7 +396,8 @@ static void note_frame(struct camera_usb *c, const struct bb_camera_frame *frame
 	if (lost) {
 		bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "CAM_DROP: %u missing before frame %u", lost,
 		               frame->seq);
-		if (!blind)
+		c->good = 0;
+		if (!*c->health.fault)
 			set_fault(c, BB_HEALTH_DEGRADED, "CAM_DROP");
 	}
 	note_light(c, frame->n);
@@ -431,7 +439,7 @@ static bool deliver(struct camera_usb *c, struct bb_camera_frame *frame)
 /* A camera that follows a sync input may rightly have nothing to show: it is asked whether it is there. */
 static enum bb_status silence(struct camera_usb *c)
 {
-	if (!c->wanted || now_of(c) - c->heard_ns < SILENT_NS)
+	if (!c->wanted || now_of(c) - c->heard_ns < (c->pinged ? PING_NS : SILENT_NS))
 		return BB_TIMEOUT;
 	if (!c->stamped || c->pinged)
 		return trouble(c, "no packets");
@@ -550,8 +558,9 @@ static enum bb_status open_device(struct camera_usb *c)
 	if (status != BB_OK)
 		return bb_device_fail(&c->base.dev, status, "open", "%s", c->host->why);
 	snprintf(c->health.serial, sizeof(c->health.serial), "%s", c->match.serial);
-	set_up_from_start(c);
-	status = set_up_now(c);
+	status = begin_set_up(c);
+	if (status == BB_OK)
+		status = set_up_now(c);
 	if (status != BB_OK)
 		close_bus(c);
 	return status;
