@@ -344,7 +344,9 @@ static enum bb_status look(struct camera_usb *c)
 
 	if (now_ns < c->look_ns)
 		return closed(c, "read");
-	const enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, &c->bus);
+	const enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, now_ns, &c->bus);
+	if (status == BB_TIMEOUT)
+		return closed(c, "read");
 	if (status == BB_OK) {
 		if (too_often(c->reopen_at_ns, REOPENS_A_MINUTE, now_ns))
 			return quarantine(c, "open");
@@ -553,8 +555,10 @@ static void set_limits(struct camera_usb *c)
 
 static enum bb_status open_device(struct camera_usb *c)
 {
-	enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, &c->bus);
+	enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, now_of(c) + 2 * OPEN_NS, &c->bus);
 
+	if (status == BB_TIMEOUT)
+		return bb_device_fail(&c->base.dev, BB_ERR_LOST, "open", "the USB bus does not answer");
 	if (status != BB_OK)
 		return bb_device_fail(&c->base.dev, status, "open", "%s", c->host->why);
 	snprintf(c->health.serial, sizeof(c->health.serial), "%s", c->match.serial);
@@ -581,7 +585,10 @@ static enum bb_status open_with(struct bb_camera *cam, const struct bb_open *ope
 	c->exposure_ns = llround(cam->config.exposure_us * 1000) / TRACKIR_LINE_NS * TRACKIR_LINE_NS;
 	c->offset_ns = c->stamped ? llround(cam->config.sync_offset_us * 1000) : 0;
 	set_limits(c);
-	return open_device(c);
+	status = open_device(c);
+	if (status != BB_OK)
+		host->close(host);
+	return status;
 }
 
 static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *open)
@@ -599,6 +606,7 @@ static void camera_close(struct bb_camera *cam)
 		(void)send(c, trackir_leds(0, TRACKIR_LED_ALL));
 	}
 	close_bus(c);
+	c->host->close(c->host);
 }
 
 static enum bb_status camera_start(struct bb_camera *cam)

@@ -110,12 +110,13 @@ static bool fits(struct sim_usb_device *dev, const struct bb_usb_match *match, c
 }
 
 static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
-                                struct bb_usb_bus **out)
+                                int64_t deadline_ns, struct bb_usb_bus **out)
 {
 	struct bus_sim_usb *usb = bb_container_of(host, struct bus_sim_usb, host);
 	char serial[64], found[64] = "";
 	size_t at = BUS_SIM_USB_PORTS, n = 0;
 
+	(void)deadline_ns;
 	*out = NULL;
 	for (size_t i = 0; i < BUS_SIM_USB_PORTS; i++)
 		if (fits(usb->port[i].device, match, serial)) {
@@ -145,10 +146,15 @@ static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *m
 	return BB_OK;
 }
 
+static void host_close(struct bb_usb_host *host)
+{
+	(void)host;
+}
+
 void bus_sim_usb_init(struct bus_sim_usb *usb)
 {
 	memset(usb, 0, sizeof(*usb));
-	usb->host.open = host_open;
+	usb->host = (struct bb_usb_host){ .open = host_open, .close = host_close };
 }
 
 bool bus_sim_usb_plug(struct bus_sim_usb *usb, size_t port, struct sim_usb_device *device)
