@@ -8,7 +8,11 @@
 #include "sim/sim_usb_device.h"
 
 #define USBIP_EXPORTS 120        /* as many as one kernel can attach */
+#ifdef BB_FUZZ
+#define USBIP_DATA_MAX 1024      /* less to clear before each input */
+#else
 #define USBIP_DATA_MAX 65536     /* of one transfer */
+#endif
 #define USBIP_PARKED_MAX 64      /* transfers that wait for the device */
 #define USBIP_OUT_MAX (4 * USBIP_DATA_MAX)
 

@@ -1,7 +1,8 @@
 /*
  * tests/guest/usb_camera.c [REPLUGS [FRAMES]]: the shipped camera driver through libusb, the kernel's USB stack and
- * vhci, against the simulated camera in a process of its own. Measures FRAMES frames, then pulls the plug REPLUGS times
- * and puts the camera back on another port. Prints one JSON line. Exit 0 fine, 1 not, 77 no vhci.
+ * vhci, against the simulated camera in a process of its own. Measures FRAMES frames, halts its
+ * endpoint so that a clear and then a reset is needed, then pulls the plug REPLUGS times and puts the camera back on
+ * another port. Prints one JSON line. Exit 0 fine, 1 not, 77 no vhci.
  *
  * latency is from a packet's readiness at the camera to the frame in the caller's hands: both processes share one
  * monotonic clock, and the model (fidelity 0) stamps mid-exposures with it, in whole microseconds; both look every
@@ -22,6 +23,8 @@
 #define MSG_UNPLUG 'u'
 #define MSG_PLUG 'p'
 #define MSG_END 'e'
+#define MSG_STALL '1'  /* the endpoint halts once, */
+#define MSG_STALLS '3' /* or again after each of two cures: the device has to be reset */
 
 /* The simulator: does what it is told by a byte on a pipe, and answers with one. */
 
@@ -40,6 +43,10 @@ static bool obey(struct simulator *s, char what)
 
 	if (what == MSG_UNPLUG) {
 		usbip_server_withdraw(s->server, s->item);
+		return true;
+	}
+	if (what == MSG_STALL || what == MSG_STALLS) {
+		peer_camera_world_stall(s->peer, (uint32_t)(what - '0'));
 		return true;
 	}
 	s->port = (s->port + 1) % 8; /* never the one it was on */
@@ -82,6 +89,7 @@ struct run {
 	struct bb_blob blobs[BB_CAMERA_BLOBS_MAX];
 	int orders;
 	uint64_t n, unplugs, replugs, wrong, quarantines;
+	int64_t stall_ns, reset_ns;
 	int64_t detect_most_ns, replug_most_ns, open_ns, longest_read_ns;
 	int64_t latency_ns[FRAMES_MOST];
 };
@@ -178,6 +186,23 @@ static bool replug(struct run *r)
 	return true;
 }
 
+/* From the order to the third good frame after it. */
+static bool recover(struct run *r, char what, int64_t *took_ns)
+{
+	const uint64_t stalls = camera_usb_health(r->cam)->stalls;
+	const int64_t begun_ns = now(r);
+
+	if (!order(r, what))
+		return false;
+	while (now(r) - begun_ns < 3 * BB_NS_PER_S) {
+		(void)!look(r);
+		*took_ns = now(r) - begun_ns;
+		if (camera_usb_health(r->cam)->stalls > stalls && !*camera_usb_health(r->cam)->fault)
+			return true;
+	}
+	return false;
+}
+
 static int ascending(const void *a, const void *b)
 {
 	const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
@@ -192,12 +217,15 @@ static void print_result(struct run *r, uint64_t lost)
 	qsort(r->latency_ns, r->n, sizeof(*r->latency_ns), ascending);
 	printf("{\"test\":\"usb_camera\",\"frames\":%llu,\"lost\":%llu,\"partial\":%llu,\"bad\":%llu,"
 	       "\"latency_p50_us\":%.1f,\"latency_p99_us\":%.1f,\"latency_max_us\":%.1f,\"read_max_us\":%.1f,"
-	       "\"open_ms\":%.1f,\"unplugs\":%llu,\"replugs\":%llu,\"quarantines\":%llu,\"detect_most_ms\":%.1f,"
+	       "\"open_ms\":%.1f,\"stalls\":%llu,\"resets\":%llu,\"stall_ms\":%.1f,\"reset_ms\":%.1f,"
+	       "\"unplugs\":%llu,\"replugs\":%llu,\"quarantines\":%llu,\"detect_most_ms\":%.1f,"
 	       "\"replug_most_ms\":%.1f,\"wrong\":%llu}\n",
 	       (unsigned long long)r->n, (unsigned long long)lost, (unsigned long long)h->partial,
 	       (unsigned long long)h->bad, (double)r->latency_ns[r->n / 2] * 1e-3,
 	       (double)r->latency_ns[r->n - 1 - r->n / 100] * 1e-3, (double)r->latency_ns[r->n - 1] * 1e-3,
-	       (double)r->longest_read_ns * 1e-3, (double)r->open_ns * 1e-6, (unsigned long long)r->unplugs,
+	       (double)r->longest_read_ns * 1e-3, (double)r->open_ns * 1e-6, (unsigned long long)h->stalls,
+	       (unsigned long long)h->resets, (double)r->stall_ns * 1e-6, (double)r->reset_ns * 1e-6,
+	       (unsigned long long)r->unplugs,
 	       (unsigned long long)r->replugs, (unsigned long long)r->quarantines, (double)r->detect_most_ns * 1e-6,
 	       (double)r->replug_most_ns * 1e-6, (unsigned long long)r->wrong);
 }
@@ -215,6 +243,8 @@ static int room_side(struct run *r, unsigned long replugs, unsigned long frames)
 	}
 	fine = measure(r, frames);
 	const uint64_t lost = camera_usb_health(r->cam)->lost;
+	fine = fine && recover(r, MSG_STALL, &r->stall_ns) && camera_usb_health(r->cam)->resets == 0;
+	fine = fine && recover(r, MSG_STALLS, &r->reset_ns) && camera_usb_health(r->cam)->resets > 0;
 	for (unsigned long i = 0; i < replugs && fine; i++)
 		fine = replug(r);
 	if (!r->n) {
