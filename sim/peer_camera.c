@@ -33,6 +33,7 @@ struct peer_camera {
 	int64_t out_at_ns;
 	struct bb_blob blobs[BB_CAMERA_BLOBS_MAX];
 	uint8_t out[TRACKIR_READ_BYTES];
+	uint16_t lit_from[TRACKIR_HEIGHT_PX], lit_to[TRACKIR_HEIGHT_PX]; /* where a line has light: [from, to) */
 	uint8_t sensor[TRACKIR_HEIGHT_PX][TRACKIR_WIDTH_PX];
 };
 
@@ -79,6 +80,10 @@ static void draw_spot(struct peer_camera *p, const struct bb_blob *b)
 
 	for (int j = y0; j <= y1; j++) {
 		const double row = scale * share(y, sd, j);
+		if (p->lit_from[j] >= p->lit_to[j] || x0 < p->lit_from[j])
+			p->lit_from[j] = (uint16_t)x0;
+		if (x1 + 1 > p->lit_to[j])
+			p->lit_to[j] = (uint16_t)(x1 + 1);
 		for (int i = x0; i <= x1; i++) {
 			const double v = p->sensor[j][i] + row * share(x, sd, i) + 0.5;
 			p->sensor[j][i] = (uint8_t)(v > 255 ? 255 : v);
@@ -104,7 +109,7 @@ static size_t scan_line(struct peer_camera *p, uint32_t line, uint8_t *out, size
 	const uint8_t *row = p->sensor[line];
 	size_t n = 0;
 
-	for (uint32_t i = 0; i < TRACKIR_WIDTH_PX; i++) {
+	for (uint32_t i = p->lit_from[line]; i < p->lit_to[line]; i++) {
 		uint32_t sum = 0, sum_x = 0, points = 0;
 		while (i + points < TRACKIR_WIDTH_PX && row[i + points] >= p->threshold) {
 			const uint32_t weight = row[i + points] - p->threshold + 1u;
@@ -136,8 +141,11 @@ static size_t expose(struct peer_camera *p, const struct bb_camera_frame *f, uin
 		draw_spot(p, &f->blobs[i]);
 	}
 	for (uint32_t line = top; line <= bottom; line++) {
+		if (!p->lit_to[line])
+			continue;
 		n += scan_line(p, line, out + n, room - n);
 		memset(p->sensor[line], 0, TRACKIR_WIDTH_PX);
+		p->lit_from[line] = p->lit_to[line] = 0;
 	}
 	return n;
 }
@@ -375,7 +383,8 @@ static void dev_reset(struct sim_usb_device *dev)
 	p->streaming = p->lamps = false;
 	p->threshold = 96;
 	p->n_replies = p->n_out = p->sent_out = 0;
-	p->exposure_ns = p->offset_ns = 0;
+	p->exposure_ns = 0;
+	p->offset_ns = p->options.offset_ns;
 	p->configured = !p->options.needs_reload;
 	(void)!bb_camera_stop(p->model);
 }

@@ -19,6 +19,7 @@ struct peer_camera_options {
 	bool needs_reload;      /* asks for its settings to be reloaded once */
 	uint32_t clock_us;      /* added to its stamps: to begin near the wrap */
 	uint32_t counter;       /* added to its frame numbers */
+	int64_t offset_ns;      /* after its sync edge, while nobody tells it another */
 	size_t most_in_bytes;   /* an IN transfer carries at most that much; 0: all */
 };
 
