@@ -1,8 +1,6 @@
 /* drivers/hid_descriptor.c: see drivers/hid_descriptor.h. Names of items as in the HID 1.11 definition, section 6.2.2. */
 #include "drivers/hid_descriptor.h"
 
-#include <string.h>
-
 enum { ITEM_MAIN, ITEM_GLOBAL, ITEM_LOCAL, ITEM_LONG };
 
 struct globals {
@@ -239,7 +237,8 @@ enum bb_status bb_hid_layout_parse(const uint8_t *bytes, size_t n, const char *d
 {
 	struct walker w = { .bytes = bytes, .n = n, .device = device, .out = out, .err = err };
 
-	memset(out, 0, sizeof(*out));
+	out->usage_page = out->usage = 0;
+	out->n_reports = out->n_fields = 0; /* what lies behind them is never looked at */
 	if (n > BB_HID_DESCRIPTOR_BYTES_MAX) {
 		w.item_at = BB_HID_DESCRIPTOR_BYTES_MAX;
 		return reject(&w, "longer than 4096 bytes");

@@ -19,16 +19,21 @@ struct sim_uhid {
 	unsigned long opens, closes;
 };
 
+/* hid-logitech claims Logitech's ids on USB and then refuses what has no USB parent; on another bus it leaves them to
+ * hid-generic. Behind the kernel's own Logitech driver they are by their USB face. */
 static const struct {
 	const char *name;
 	uint16_t vendor, product;
+	uint16_t bus;
 } identities[SIM_PEER_KINDS] = {
-	[SIM_PEER_RUMBLEPAD2_WIRED] = { "Logitech RumblePad 2 USB", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_RUMBLEPAD2_WIRED },
+	[SIM_PEER_RUMBLEPAD2_WIRED] = { "Logitech RumblePad 2 USB", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_RUMBLEPAD2_WIRED,
+		                        BUS_BLUETOOTH },
 	[SIM_PEER_RUMBLEPAD2_WIRELESS] = { "Logitech Cordless RumblePad 2", PAD_WIRE_VENDOR_LOGITECH,
-		                           PAD_WIRE_RUMBLEPAD2_WIRELESS },
-	[SIM_PEER_SPACENAVIGATOR] = { "3Dconnexion SpaceNavigator", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_SPACENAVIGATOR },
+		                           PAD_WIRE_RUMBLEPAD2_WIRELESS, BUS_BLUETOOTH },
+	[SIM_PEER_SPACENAVIGATOR] = { "3Dconnexion SpaceNavigator", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_SPACENAVIGATOR,
+		                      BUS_BLUETOOTH },
 	[SIM_PEER_SPACEMOUSE_WIRELESS] = { "3Dconnexion SpaceMouse Wireless", PAD_WIRE_VENDOR_3DCONNEXION,
-		                           PAD_WIRE_SPACEMOUSE_WIRELESS },
+		                           PAD_WIRE_SPACEMOUSE_WIRELESS, BUS_USB },
 };
 
 static enum bb_status post(struct sim_uhid *u, const struct uhid_event *e)
@@ -52,7 +57,7 @@ static enum bb_status plug(struct sim_uhid *u)
 	snprintf((char *)c->uniq, sizeof(c->uniq), "%s", sim_peer_pad_serial(u->peer));
 	memcpy(c->rd_data, descriptor, n);
 	c->rd_size = (uint16_t)n;
-	c->bus = BUS_USB;
+	c->bus = identities[kind].bus;
 	c->vendor = identities[kind].vendor;
 	c->product = identities[kind].product;
 	const enum bb_status status = post(u, &e);
@@ -65,19 +70,21 @@ static enum bb_status unplug(struct sim_uhid *u)
 	const struct uhid_event e = { .type = UHID_DESTROY };
 
 	u->created = false;
+	u->closes = u->opens; /* the kernel does not say when what was pulled out is let go */
 	return post(u, &e);
 }
 
-/* An output report: on uhid its id comes first where the device has ids, and not at all where it has none. */
+/* An output report. Where the device has no ids, one written to hidraw still has the 0 in front, one from a driver of
+ * the kernel has nothing. */
 static void give(struct sim_uhid *u, const uint8_t *bytes, size_t n)
 {
 	uint8_t with_id[64] = { 0 };
-	const bool has_ids = sim_peer_pad_kind(u->peer) != SIM_PEER_RUMBLEPAD2_WIRED;
+	const bool lacks_id = sim_peer_pad_kind(u->peer) == SIM_PEER_RUMBLEPAD2_WIRED && n == PAD_WIRE_RUMBLE_BYTES;
 
 	if (n + 1 > sizeof(with_id))
 		return;
-	memcpy(with_id + !has_ids, bytes, n);
-	(void)!sim_peer_pad_give(u->peer, with_id, n + !has_ids);
+	memcpy(with_id + lacks_id, bytes, n);
+	(void)!sim_peer_pad_give(u->peer, with_id, n + lacks_id);
 }
 
 static void answer(struct sim_uhid *u, const struct uhid_event *e)

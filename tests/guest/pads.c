@@ -181,6 +181,8 @@ static void wait_status(struct bench *b, bool lost, int64_t worst_ns[2])
 static void cycle(struct bench *b, const struct kind *k, int i)
 {
 	sim_peer_pad_unplug(b->peer, true);
+	if (sim_uhid_step(b->uhid) != BB_OK) /* the kernel takes some 50 ms to take a device away: not the readers' time */
+		fail(&b->reader[0], "uhid refused");
 	wait_status(b, true, b->lost_ns);
 	for (int r = 0; r < 2; r++)
 		if (b->lost_ns[r] > 50 * MS)
