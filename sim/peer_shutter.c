@@ -15,7 +15,7 @@
 #define PRODUCT 0x00007368u
 #define REVISION 0x00010002u
 #define SERIAL 0x20260000u
-#define MOST_OBJECTS 32
+#define MOST_OBJECTS 40
 #define POSITIONS (BB_STAGES_MAX + 1)
 
 struct unit {
@@ -24,7 +24,7 @@ struct unit {
 	uint32_t position, line_delay_ns, tick_ns;
 	uint32_t delay_ns, duty_ppm, polarity, armed, watchdog_ms;
 	uint32_t status, temperature, edges, misses, openings, worst_ns;
-	uint32_t subs[6], map[2][6], zero;
+	uint32_t subs[2], map[2][6], said[2][6]; /* said: the objects the PDOs map, as last sent */
 	uint8_t label[SHUT_LABEL_BYTES + 1], record[SHUT_RECORD_BYTES];
 	uint16_t label_bytes, record_bytes;
 	int64_t residual_ns;
@@ -317,19 +317,20 @@ static uint8_t crc(uint32_t id, const uint8_t *bytes, size_t n)
 static size_t on_fill(struct sim_co_node *n, unsigned pdo, uint8_t bytes[8])
 {
 	struct unit *u = of(n);
-	const size_t n_bytes = pdo ? SHUT_FOLLOW_BYTES : SHUT_PHASE_BYTES;
+	uint32_t *said = u->said[pdo] + 1;
 
 	if (pdo) {
-		bytes[0] = u->sync_counter;
-		put(bytes + 1, u->latency_ns);
-	} else {
-		bytes[0] = u->edge_counter ? u->edge_counter : 1;
-		bytes[1] = (uint8_t)(u->eye | (u->stuck ? 0 : SHUT_FLAG_LINE));
-		put(bytes + 2, (uint32_t)(u->phase_ns > 0 ? u->phase_ns : 0));
-		bytes[6] = u->sequence++;
+		said[0] = bytes[0] = u->sync_counter;
+		put(bytes + 1, said[1] = u->latency_ns);
+		said[2] = bytes[5] = crc(n->pdo[pdo].cob & 0x7ff, bytes, 5);
+		return SHUT_FOLLOW_BYTES;
 	}
-	bytes[n_bytes - 1] = crc(n->pdo[pdo].cob & 0x7ff, bytes, n_bytes - 1);
-	return n_bytes;
+	said[0] = bytes[0] = u->edge_counter ? u->edge_counter : 1;
+	said[1] = bytes[1] = (uint8_t)(u->eye | (u->stuck ? 0 : SHUT_FLAG_LINE));
+	put(bytes + 2, said[2] = (uint32_t)(u->phase_ns > 0 ? u->phase_ns : 0));
+	said[3] = bytes[6] = u->sequence++;
+	said[4] = bytes[7] = crc(n->pdo[pdo].cob & 0x7ff, bytes, 7);
+	return SHUT_PHASE_BYTES;
 }
 
 static const struct sim_co_hooks hooks = { .check = on_check, .wrote = on_wrote, .reading = on_reading,
@@ -355,6 +356,18 @@ static void list_mapping(struct unit *u)
 	for (uint16_t k = 0; k < 2; k++)
 		for (uint8_t i = 0; i <= u->map[k][0]; i++)
 			number(u, (uint16_t)(CO_OD_TPDO1_MAP + k), i, SIM_CO_RO, i ? 4 : 1, &u->map[k][i], 0, UINT32_MAX);
+}
+
+static void list_said(struct unit *u)
+{
+	static const uint8_t width[2][6] = { { 1, 1, 1, 4, 1, 1 }, { 1, 1, 4, 1, 0, 0 } };
+
+	for (uint16_t k = 0; k < 2; k++) {
+		u->said[k][0] = u->map[k][0];
+		for (uint8_t i = 0; i <= u->map[k][0]; i++)
+			number(u, (uint16_t)(SHUT_OD_PHASE + k), i, SIM_CO_RO, width[k][i], &u->said[k][i], 0,
+			       UINT32_MAX);
+	}
 }
 
 static void list_objects(struct unit *u)
@@ -384,6 +397,7 @@ static void list_objects(struct unit *u)
 		                                            .bytes = u->record, .cap = SHUT_RECORD_BYTES,
 		                                            .n = &u->record_bytes };
 	list_mapping(u);
+	list_said(u);
 	u->co.app = u->object;
 	u->co.n_app = u->n_objects;
 }

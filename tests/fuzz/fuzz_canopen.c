@@ -67,7 +67,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	begin(&c, data[0]);
 	bb_co_lss_init(&m, 10);
 	bb_co_lss_start(&m, 6, 0);
-	for (size_t at = 1; at + 12 <= size; at += 12) {
+	for (size_t at = 1; at + 12 <= size && at < 12 * 160; at += 12) {
 		const uint8_t *d = data + at;
 		struct bb_can_frame f = { .id = (uint32_t)d[0] | (uint32_t)(d[1] & 7) << 8, .extended = d[1] & 0x80,
 			                  .remote = d[1] & 0x40, .n_bytes = d[2] % 9 };

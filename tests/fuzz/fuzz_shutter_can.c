@@ -1,7 +1,7 @@
 /*
  * tests/fuzz/fuzz_shutter_can.c: the whole driver against a hostile bus: any frames at any time, error frames and
- * failing calls included. Input: records of 12 bytes: id low; id high and kind; length or status; 100 us units to wait;
- * 8 data bytes. In most records the kind makes the frame an answer the driver waits for.
+ * failing calls included. Input: one byte (1: configured by polite controllers first), then records of 12 bytes: id low;
+ * id high and kind; length or status; 100 us units to wait; 8 data bytes.
  */
 #include "drivers/canopen_wire.h"
 #include "drivers/shutter_can.h"
@@ -12,20 +12,49 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
+#define ANSWERS 8
+#define RECORDS 64
+
 struct hostile {
 	struct bb_can_bus bus;
-	struct bb_can_frame next, asked;
-	bool has_next;
+	struct bb_can_frame next, asked, answer[ANSWERS];
+	size_t n_answers;
+	bool has_next, polite;
 	enum bb_status status;
 };
 
+/* Takes every write and knows every object, so that fuzzing gets past the configuration. */
+static struct bb_can_frame polite(const struct bb_can_frame *q, const uint8_t *value)
+{
+	const uint16_t index = (uint16_t)(q->bytes[1] | q->bytes[2] << 8);
+	struct bb_can_frame f = { .id = q->id - 0x80, .n_bytes = 8 };
+
+	memcpy(f.bytes, q->bytes, 4);
+	f.bytes[0] = q->bytes[0] == 0x40 ? 0x43 : (q->bytes[0] & 0xe0) == 0 ? (uint8_t)(0x20 | (q->bytes[0] & 0x10)) : 0x60;
+	memcpy(f.bytes + 4, value, 4);
+	if (index == CO_OD_TYPE)
+		memcpy(f.bytes + 4, "\0\0\x53\0", 4);
+	if (index == SHUT_OD_CHAIN) {
+		f.bytes[0] = 0x4f;
+		f.bytes[4] = (uint8_t)(q->id - 0x605);
+	}
+	return f;
+}
+
 static enum bb_status hostile_send(struct bb_can_bus *bus, const struct bb_can_frame *f)
 {
+	static const uint32_t delay_ns[3] = { 3000000, 35000, 70000 };
 	struct hostile *h = bb_container_of(bus, struct hostile, bus);
 
 	if (f->n_bytes > 8 || f->id > 0x7ff)
 		abort();
 	h->asked = *f;
+	if (h->polite && h->n_answers < ANSWERS && f->id >= 0x605 && f->id < 0x608) {
+		const uint32_t v = delay_ns[f->id - 0x605];
+		const uint8_t bytes[4] = { (uint8_t)v, (uint8_t)(v >> 8), (uint8_t)(v >> 16), (uint8_t)(v >> 24) };
+		h->answer[h->n_answers] = polite(f, bytes);
+		h->answer[h->n_answers++].at_ns = bb_clock_now_ns(bus->clk);
+	}
 	return h->status < 0 ? h->status : BB_OK;
 }
 
@@ -33,6 +62,10 @@ static enum bb_status hostile_receive(struct bb_can_bus *bus, struct bb_can_fram
 {
 	struct hostile *h = bb_container_of(bus, struct hostile, bus);
 
+	if (h->n_answers) {
+		*f = h->answer[--h->n_answers];
+		return BB_OK;
+	}
 	if (!h->has_next)
 		return h->status < 0 ? h->status : BB_TIMEOUT;
 	*f = h->next;
@@ -49,24 +82,6 @@ static enum bb_status hostile_restart(struct bb_can_bus *bus)
 static void hostile_close(struct bb_can_bus *bus)
 {
 	(void)bus;
-}
-
-/* A polite slave, so that fuzzing gets past the configuration: it takes every write and knows every object. */
-static void polite(struct hostile *h, const uint8_t *d)
-{
-	const struct bb_can_frame *q = &h->asked;
-	const uint16_t index = (uint16_t)(q->bytes[1] | q->bytes[2] << 8);
-
-	h->next = (struct bb_can_frame){ .id = q->id - 0x80, .n_bytes = 8 };
-	memcpy(h->next.bytes, q->bytes, 4);
-	h->next.bytes[0] = q->bytes[0] == 0x40 ? 0x43 : (q->bytes[0] & 0xe0) == 0 ? (uint8_t)(0x20 | (q->bytes[0] & 0x10)) : 0x60;
-	memcpy(h->next.bytes + 4, d + 4, 4);
-	if (index == CO_OD_TYPE)
-		memcpy(h->next.bytes + 4, "\0\0\x53\0", 4);
-	if (index == SHUT_OD_CHAIN) {
-		h->next.bytes[0] = 0x4f;
-		h->next.bytes[4] = (uint8_t)(q->id - 0x605);
-	}
 }
 
 static void act(struct hostile *h, struct bb_shutter *sh, const uint8_t *d)
@@ -114,7 +129,8 @@ static void act(struct hostile *h, struct bb_shutter *sh, const uint8_t *d)
 	case 10:
 		break;
 	default:
-		polite(h, d);
+		h->next = polite(&h->asked, d + 4);
+		h->next.id &= 0x7ff;
 		break;
 	}
 	while (bb_shutter_read(sh, e, 8, &n) == BB_OK)
@@ -138,11 +154,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	struct hostile h = { .bus = { &ops, clk, 1000000 } };
 	const struct bb_open open = { .clk = clk, .uri = &uri, .seed = 1 };
 	if (bb_shutter_can_open_on(&h.bus, &config, &open, &sh) == BB_OK) {
-		for (size_t at = 0; at + 12 <= size && at < 12 * 256; at += 12) {
+		h.polite = size && data[0] & 1;
+		for (int i = 0; h.polite && i < 80; i++)
+			bb_clock_run_until(clk, bb_clock_now_ns(clk) + 1000000);
+		h.polite = false;
+		for (size_t at = 1; at + 12 <= size && at < 12 * RECORDS; at += 12) {
 			h.next.at_ns = bb_clock_now_ns(clk);
 			act(&h, sh, data + at);
 			h.next.at_ns = bb_clock_now_ns(clk);
-			bb_clock_run_until(clk, bb_clock_now_ns(clk) + (1 + data[at + 3]) * INT64_C(100000));
+			bb_clock_run_until(clk, bb_clock_now_ns(clk) + (1 + data[at + 3] % 128) * INT64_C(100000));
 		}
 		if (bb_shutter_can_status(sh).n_ready > 3)
 			abort();
