@@ -7,6 +7,7 @@
 #include "drivers/pad_uri.h"
 #include "drivers/pad_wire.h"
 
+#define OPEN_NS (2 * BB_NS_PER_S)
 #define PACKET_BYTES_MAX 64
 #define ASK_NS INT64_C(1000000000) /* a pad that says nothing about itself is asked once a second */
 #define LED_FIRST 6                /* "pad n on" */
@@ -53,8 +54,12 @@ static enum bb_status source_open(struct bb_pad_core *core)
 {
 	struct bb_gamepad_xusb *x = of_core(core);
 	struct bb_gamepad *g = &x->base;
-	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, &x->bus);
+	/* The first time somebody waits for the answer; later a bus that needs longer is asked again by and by. */
+	const int64_t wait_ns = core->health == BB_HEALTH_INIT ? OPEN_NS : 0;
+	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + wait_ns, &x->bus);
 
+	if (status == BB_TIMEOUT)
+		status = BB_ERR_LOST;
 	if (status != BB_OK) {
 		struct bb_error err = { 0 };
 		(void)bb_fail(&err, status, status == BB_ERR_LOST ? 1562 : 1563, NULL, "%s: %s", g->config.id, x->host->why);
