@@ -3,12 +3,14 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "drivers/monitor_ddc.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
 	/* first: a room without wires must never touch hardware */
 	{ "sim", "models in this process", &sim_shutter_driver, &sim_camera_driver, &sim_display_driver,
 	  &sim_monitor_driver, &sim_power_driver, &sim_gamepad_driver, &sim_link_driver },
+	{ "i2c", "a monitor's DDC wires on Linux i2c-dev", .monitor = &monitor_ddc_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)
