@@ -58,12 +58,13 @@ struct monitor_ddc {
 	bool posed;                /* the line has the question */
 	struct monitor_ddc_report report;
 	uint8_t answered[32];      /* a bit for each code that had a value */
+	uint8_t refused[32];       /* and for each found out not to be there by Nulls or zeros */
 	uint8_t known_code;        /* the last of them */
 	unsigned int probes;
 
 	struct { /* of the request under way */
 		enum ddc_outcome failure;
-		unsigned int empties, zeros, no_acks, looks, rewrites, reads;
+		unsigned int empties, zeros, no_acks, looks, strange, rewrites, reads;
 		uint32_t most_tries;   /* of one fragment */
 		bool patient;          /* longest waits from now on */
 		bool awake, perhaps_slow;
@@ -81,9 +82,14 @@ static struct monitor_ddc *of(struct bb_monitor *m)
 
 /* ---- what codes are like (MCCS 2.2) ---- */
 
-static bool has_answered(const struct monitor_ddc *d, uint8_t code)
+static bool has_bit(const uint8_t bits[32], uint8_t code)
 {
-	return d->answered[code / 8] >> (code % 8) & 1;
+	return bits[code / 8] >> (code % 8) & 1;
+}
+
+static void set_bit(uint8_t bits[32], uint8_t code)
+{
+	bits[code / 8] |= (uint8_t)(1u << (code % 8));
 }
 
 /* Never written: the standard gives them no meaning when set. */
@@ -295,10 +301,17 @@ static bool could_be_unsupported(const struct monitor_ddc *d)
 
 	if (d->main == ASK_AWAKE || d->main == ASK_WRITE)
 		return false;
-	return kind == BB_MONITOR_CAPABILITIES ? !d->reply.text_bytes : !has_answered(d, d->reply.request.code);
+	return kind == BB_MONITOR_CAPABILITIES ? !d->reply.text_bytes : !has_bit(d->answered, d->reply.request.code);
 }
 
-/* The display is awake and answers, but not this. */
+/* By Nulls or zeros, and the display answers other questions: next time one such reply is enough. */
+static int64_t unsupported(struct monitor_ddc *d)
+{
+	if (d->reply.request.kind != BB_MONITOR_CAPABILITIES)
+		set_bit(d->refused, d->reply.request.code);
+	return finish(d, BB_ERR_UNSUPPORTED, 0);
+}
+
 static int64_t on_known(struct monitor_ddc *d, enum ddc_outcome outcome)
 {
 	if (outcome != DDC_GOOD)
@@ -307,9 +320,9 @@ static int64_t on_known(struct monitor_ddc *d, enum ddc_outcome outcome)
 	if (!d->line.vcp.supported && d->report.null_means == DDC_NULL_UNKNOWN)
 		d->report.null_means = DDC_NULL_BUSY;
 	if (d->job.failure == DDC_ZEROS)
-		return could_be_unsupported(d) ? finish(d, BB_ERR_UNSUPPORTED, 0) : retry(d, d->line.end_ns);
+		return could_be_unsupported(d) ? unsupported(d) : retry(d, d->line.end_ns);
 	if (d->report.null_means == DDC_NULL_UNSUPPORTED && could_be_unsupported(d))
-		return finish(d, BB_ERR_UNSUPPORTED, 0);
+		return unsupported(d);
 	d->job.perhaps_slow = true;
 	return retry(d, d->line.end_ns);
 }
@@ -318,10 +331,12 @@ static int64_t on_unknown(struct monitor_ddc *d, enum ddc_outcome outcome)
 {
 	if (outcome == DDC_GOOD)
 		d->report.null_means = DDC_NULL_BUSY;
+	else if (outcome == DDC_EMPTY && !d->job.strange++)
+		return next_ask(d, ASK_UNKNOWN, d->line.end_ns); /* once may be chance; it is learned for good */
 	else if (outcome == DDC_EMPTY)
 		d->report.null_means = DDC_NULL_UNSUPPORTED;
 	if (d->report.null_means == DDC_NULL_UNSUPPORTED && could_be_unsupported(d))
-		return finish(d, BB_ERR_UNSUPPORTED, 0);
+		return unsupported(d);
 	return retry(d, d->line.end_ns);
 }
 
@@ -368,9 +383,10 @@ static int64_t on_empty(struct monitor_ddc *d)
 		return fell_asleep(d);
 	if (d->job.empties >= DOUBT) /* before blaming the display: it may only be slow */
 		d->job.patient = true;
-	if (d->job.empties == DOUBT)
+	/* A busy display may say Null to the side question as well: ask it every other time. */
+	if (d->job.empties >= DOUBT && (d->job.empties - DOUBT) % 2 == 0 && !d->job.awake)
 		return next_ask(d, ASK_KNOWN, d->line.end_ns);
-	if (d->job.empties == DOUBT + 1 && d->job.awake && r->null_means == DDC_NULL_UNKNOWN)
+	if (d->job.empties > DOUBT && d->job.awake && r->null_means == DDC_NULL_UNKNOWN)
 		return next_ask(d, ASK_UNKNOWN, d->line.end_ns);
 	return retry(d, d->line.end_ns);
 }
@@ -378,6 +394,9 @@ static int64_t on_empty(struct monitor_ddc *d)
 static int64_t on_failure(struct monitor_ddc *d, enum ddc_outcome outcome)
 {
 	d->job.failure = outcome;
+	if ((outcome == DDC_EMPTY || outcome == DDC_ZEROS) && has_bit(d->refused, d->line.question.code) &&
+	    d->line.question.what == DDC_GET_VCP && could_be_unsupported(d))
+		return finish(d, BB_ERR_UNSUPPORTED, 0);
 	note_failure(d, outcome);
 	if (outcome == DDC_EMPTY || outcome == DDC_DAMAGED)
 		ddc_gap_note(&d->line.gap, false);
@@ -391,7 +410,7 @@ static int64_t on_failure(struct monitor_ddc *d, enum ddc_outcome outcome)
 	case DDC_NO_ACK:
 		if (++d->job.no_acks >= MOST_NO_ACK)
 			return d->main == ASK_VERIFY && is_set_of_power(d, false) ? fell_asleep(d) : give_up(d);
-		return d->job.no_acks == 1 ? next_ask(d, ASK_PRESENCE, d->line.end_ns) : retry(d, d->line.end_ns);
+		return d->job.no_acks == 2 ? next_ask(d, ASK_PRESENCE, d->line.end_ns) : retry(d, d->line.end_ns);
 	case DDC_BROKEN:
 		return next_ask(d, ASK_PRESENCE, d->line.end_ns);
 	case DDC_DAMAGED:
@@ -560,7 +579,7 @@ static void note_codes(struct monitor_ddc *d)
 	if (d->line.question.what != DDC_GET_VCP || d->line.outcome != DDC_GOOD)
 		return;
 	if (v->supported) {
-		d->answered[v->code / 8] |= (uint8_t)(1u << (v->code % 8));
+		set_bit(d->answered, v->code);
 		d->known_code = v->code;
 	} else {
 		d->report.null_means = DDC_NULL_BUSY; /* it has another way to say "unsupported" */
