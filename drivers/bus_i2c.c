@@ -15,7 +15,7 @@
 
 struct bus_i2c {
 	struct bb_i2c_bus base;
-	int fd;            /* -1: to be opened again */
+	int fd; /* -1: to be opened again */
 	bool plain;
 	char path[96];
 };
@@ -79,8 +79,10 @@ static enum bb_status transfer_rdwr(struct bus_i2c *b, struct bb_i2c_message *me
 	struct i2c_rdwr_ioctl_data all = { .msgs = raw, .nmsgs = (unsigned int)n };
 
 	for (size_t i = 0; i < n; i++)
-		raw[i] = (struct i2c_msg){ .addr = messages[i].address, .flags = messages[i].read ? I2C_M_RD : 0,
-			                   .len = messages[i].n_bytes, .buf = messages[i].bytes };
+		raw[i] = (struct i2c_msg){ .addr = messages[i].address,
+					   .flags = messages[i].read ? I2C_M_RD : 0,
+					   .len = messages[i].n_bytes,
+					   .buf = messages[i].bytes };
 	const int done = ioctl(b->fd, I2C_RDWR, &all);
 	if (done < 0)
 		return of_errno(errno);

@@ -56,8 +56,8 @@ static int64_t read_memory(struct ddc_line *l, int64_t now_ns)
 	uint8_t segment = (uint8_t)(l->question.value / SEGMENT_BYTES);
 	uint8_t offset = (uint8_t)(l->question.value % SEGMENT_BYTES);
 	struct bb_i2c_message m[] = { { EDID_SEGMENT_ADDRESS, false, 1, &segment },
-		                      { EDID_ADDRESS, false, 1, &offset },
-		                      { EDID_ADDRESS, true, (uint16_t)n, l->bytes } };
+				      { EDID_ADDRESS, false, 1, &offset },
+				      { EDID_ADDRESS, true, (uint16_t)n, l->bytes } };
 	/* Displays of up to two blocks need not know the segment pointer. A stop would clear it: one transfer. */
 	const enum bb_status status = segment ? transfer(l, m, 3) : transfer(l, m + 1, 2);
 
@@ -108,9 +108,8 @@ static enum ddc_outcome decode(struct ddc_line *l, size_t n)
 	const struct ddc_question *q = &l->question;
 	bool doubled;
 	const enum ddcci_answer answer =
-		q->what == DDC_FRAGMENT
-			? ddcci_take_fragment(l->bytes, n, q->value, &l->fragment, &doubled, &l->why)
-			: ddcci_take_vcp(l->bytes, n, q->code, &l->vcp, &doubled, &l->why);
+		q->what == DDC_FRAGMENT ? ddcci_take_fragment(l->bytes, n, q->value, &l->fragment, &doubled, &l->why)
+					: ddcci_take_vcp(l->bytes, n, q->code, &l->vcp, &doubled, &l->why);
 
 	/* Learned at the cost of one reply that was read one byte too short. */
 	l->doubled |= doubled;

@@ -1,6 +1,6 @@
 /*
- * drivers/ddc_line.h: one question and its answer on a DDC bus: the bytes, the waits before, between and after them, and
- * the quirk of a doubled source byte. Stepped with the time; never waits itself. ns.
+ * drivers/ddc_line.h: one question and its answer on a DDC bus: the bytes, the waits before, between and after them,
+ * and the quirk of a doubled source byte. Stepped with the time; never waits itself. ns.
  */
 #ifndef BB_DRIVERS_DDC_LINE_H
 #define BB_DRIVERS_DDC_LINE_H
@@ -12,9 +12,9 @@
 enum ddc_what {
 	DDC_GET_VCP,
 	DDC_SET_VCP,
-	DDC_FRAGMENT,      /* value: offset in the capabilities */
-	DDC_MEMORY,        /* value: offset in the EDID; DDC_MEMORY_BYTES of it */
-	DDC_PRESENCE,      /* the EDID's first bytes: is anything there, does the wire work? */
+	DDC_FRAGMENT, /* value: offset in the capabilities */
+	DDC_MEMORY,   /* value: offset in the EDID; DDC_MEMORY_BYTES of it */
+	DDC_PRESENCE, /* the EDID's first bytes: is anything there, does the wire work? */
 };
 #define DDC_MEMORY_BYTES 32 /* 3.2 ms on the wire: a frame loop in the same thread must not wait for a whole block */
 
@@ -22,7 +22,7 @@ struct ddc_question {
 	enum ddc_what what;
 	uint8_t code;
 	uint16_t value;
-	bool patient;      /* with the longest waits, whatever the gap */
+	bool patient; /* with the longest waits, whatever the gap */
 };
 
 enum ddc_outcome { DDC_GOOD, DDC_EMPTY, DDC_ZEROS, DDC_DAMAGED, DDC_NO_ACK, DDC_BROKEN };
@@ -30,9 +30,9 @@ enum ddc_outcome { DDC_GOOD, DDC_EMPTY, DDC_ZEROS, DDC_DAMAGED, DDC_NO_ACK, DDC_
 struct ddc_line {
 	struct bb_i2c_bus *bus;
 	struct ddc_gap gap;
-	bool doubled;      /* this display sends its source byte twice */
+	bool doubled; /* this display sends its source byte twice */
 	uint64_t transfers;
-	int64_t quiet_ns;  /* the controller is left alone until then */
+	int64_t quiet_ns; /* the controller is left alone until then */
 
 	struct ddc_question question;
 	bool reading;

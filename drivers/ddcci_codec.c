@@ -117,7 +117,7 @@ static enum ddcci_answer unwrap(const uint8_t *bytes, size_t n, struct data *out
 }
 
 enum ddcci_answer ddcci_take_vcp(const uint8_t *bytes, size_t n, uint8_t code, struct ddcci_vcp *out, bool *doubled,
-                                 const char **why)
+				 const char **why)
 {
 	struct data d;
 	const enum ddcci_answer answer = unwrap(bytes, n, &d, doubled, why);
@@ -139,7 +139,7 @@ enum ddcci_answer ddcci_take_vcp(const uint8_t *bytes, size_t n, uint8_t code, s
 }
 
 enum ddcci_answer ddcci_take_fragment(const uint8_t *bytes, size_t n, uint16_t offset, struct ddcci_fragment *out,
-                                      bool *doubled, const char **why)
+				      bool *doubled, const char **why)
 {
 	struct data d;
 	const enum ddcci_answer answer = unwrap(bytes, n, &d, doubled, why);

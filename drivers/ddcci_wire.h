@@ -1,6 +1,7 @@
 /*
- * drivers/ddcci_wire.h: numbers of DDC/CI 1.1, E-DDC and E-EDID that stand on the wire, and the waits of the standard.
- * Constants only: the driver and the simulated display each write their own encoder and decoder. 7-bit addresses.
+ * drivers/ddcci_wire.h: numbers of DDC/CI 1.1, E-DDC and E-EDID that stand on the wire, and the waits of the
+ * standard. Constants only: the driver and the simulated display each write their own encoder and decoder. 7-bit
+ * addresses.
  */
 #ifndef BB_DRIVERS_DDCCI_WIRE_H
 #define BB_DRIVERS_DDCCI_WIRE_H
@@ -13,10 +14,10 @@
 #define DDCCI_TO_DISPLAY 0x6E
 #define DDCCI_FROM_DISPLAY 0x6F
 #define DDCCI_HOST 0x51
-#define DDCCI_VIRTUAL_HOST 0x50   /* begins the checksum of replies */
+#define DDCCI_VIRTUAL_HOST 0x50 /* begins the checksum of replies */
 
 #define DDCCI_LENGTH_FLAG 0x80
-#define DDCCI_MOST_DATA 35        /* a fragment: opcode, offset, 32 bytes of text */
+#define DDCCI_MOST_DATA 35 /* a fragment: opcode, offset, 32 bytes of text */
 #define DDCCI_FRAGMENT_TEXT 32
 
 enum ddcci_opcode {
@@ -32,8 +33,8 @@ enum ddcci_opcode {
 
 enum ddcci_result { DDCCI_RESULT_OK = 0, DDCCI_RESULT_UNSUPPORTED = 1 };
 
-#define DDCCI_REPLY_WAIT_NS INT64_C(40000000)  /* from the request to reading its reply */
-#define DDCCI_WRITE_WAIT_NS INT64_C(50000000)  /* after a Set, and between messages in general */
+#define DDCCI_REPLY_WAIT_NS INT64_C(40000000) /* from the request to reading its reply */
+#define DDCCI_WRITE_WAIT_NS INT64_C(50000000) /* after a Set, and between messages in general */
 #define DDCCI_SAVE_WAIT_NS INT64_C(200000000)
 
 #define EDID_BLOCK_BYTES 128

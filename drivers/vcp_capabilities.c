@@ -6,7 +6,7 @@
 struct reader {
 	const char *at, *end;
 	struct vcp_capabilities *out;
-	size_t n_found;    /* keywords and codes */
+	size_t n_found; /* keywords and codes */
 };
 
 static bool is_word(char c)
@@ -158,7 +158,8 @@ static void take_version(struct reader *r)
 
 	take_text(r, text, sizeof(text));
 	for (size_t i = 1; text[i]; i++)
-		if (text[i] == '.' && text[i - 1] >= '0' && text[i - 1] <= '9' && text[i + 1] >= '0' && text[i + 1] <= '9') {
+		if (text[i] == '.' && text[i - 1] >= '0' && text[i - 1] <= '9' && text[i + 1] >= '0' &&
+		    text[i + 1] <= '9') {
 			r->out->mccs_major = (uint8_t)(text[i - 1] - '0');
 			r->out->mccs_minor = (uint8_t)(text[i + 1] - '0');
 			return;

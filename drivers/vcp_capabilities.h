@@ -22,8 +22,8 @@ struct vcp_capabilities {
 	struct vcp_capability code[256];
 	size_t n_codes, n_values;
 	uint8_t value[VCP_CAPABILITIES_VALUES];
-	bool unbalanced;   /* a bracket is missing or one too many */
-	bool noise;        /* something that is no code where a code belongs */
+	bool unbalanced; /* a bracket is missing or one too many */
+	bool noise;      /* something that is no code where a code belongs */
 };
 
 /* BB_ERR_FORMAT when not a single code or keyword was found; *out then says nothing. */

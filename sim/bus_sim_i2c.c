@@ -78,7 +78,7 @@ static void close_bus(struct bb_i2c_bus *bus)
 static const struct bb_i2c_ops ops = { transfer, close_bus };
 
 enum bb_status bus_sim_i2c_create(struct bb_clock *clk, struct peer_ddcci *peer, struct bus_sim_adapter *adapter,
-                                  struct bb_i2c_bus **out)
+				  struct bb_i2c_bus **out)
 {
 	struct bus_sim *b = calloc(1, sizeof(*b));
 

@@ -41,10 +41,10 @@ struct peer_ddcci {
 	uint8_t edid[PEER_EDID_MAX_BYTES];
 
 	bool fed;
-	int64_t since_ns;          /* vcp.lit_ns is as of then */
-	int64_t ready_ns;          /* Null until then: booting or restoring */
-	int64_t quiet_ns;          /* drops messages until then */
-	int64_t request_ns;        /* end of the last request */
+	int64_t since_ns;   /* vcp.lit_ns is as of then */
+	int64_t ready_ns;   /* Null until then: booting or restoring */
+	int64_t quiet_ns;   /* drops messages until then */
+	int64_t request_ns; /* end of the last request */
 	struct message reply, stale;
 };
 
@@ -148,8 +148,9 @@ static void answer_get(struct peer_ddcci *p, uint8_t code, int64_t at_ns)
 }
 
 /* As logs of real displays show them: no blank after a bracket, a bracket too few, a cut end, a stray byte. */
-static const char malformed[] = "prot(monitor)type(LCD)model(BAD cmds(01 02 03 0C E3 F3)vcp(02 04 10 12 14( 01 05 0B)16 18 "
-				"1A 60(0F 11 12 )AC AE\xFF B6 C0 C6 C8 D6(01 04 05) DF mswhql(1)mccs_ver(2.2";
+static const char malformed[] =
+	"prot(monitor)type(LCD)model(BAD cmds(01 02 03 0C E3 F3)vcp(02 04 10 12 14( 01 05 0B)16 18 "
+	"1A 60(0F 11 12 )AC AE\xFF B6 C0 C6 C8 D6(01 04 05) DF mswhql(1)mccs_ver(2.2";
 
 static void answer_capabilities(struct peer_ddcci *p, size_t offset)
 {
@@ -312,8 +313,8 @@ static enum peer_wire heard(struct peer_ddcci *p, uint16_t address, int64_t at_n
 	return p->fault[PEER_BUS_ERROR] ? PEER_ERROR : PEER_ACK;
 }
 
-enum peer_wire peer_ddcci_write(struct peer_ddcci *p, uint16_t address, const uint8_t *bytes, size_t n,
-                                int64_t from_ns, int64_t to_ns)
+enum peer_wire peer_ddcci_write(struct peer_ddcci *p, uint16_t address, const uint8_t *bytes, size_t n, int64_t from_ns,
+				int64_t to_ns)
 {
 	const enum peer_wire wire = heard(p, address, from_ns);
 
@@ -357,10 +358,11 @@ static enum bb_status make_edid(struct peer_ddcci *p, struct sim_timing *timing)
 
 	p->model = sim_edid_model(c->edid);
 	sim_rng_seed(&rng, 0, "edid", c->id); /* a serial belongs to the thing, not to the run */
-	struct sim_edid_spec spec = { .model = p->model, .width_px = p->model->width_px,
-		                      .height_px = p->model->height_px,
-		                      .rate = { (uint32_t)p->model->rate_hz, 1 },
-		                      .serial = (uint32_t)(sim_rng_u64(&rng) % 10000000) };
+	struct sim_edid_spec spec = { .model = p->model,
+				      .width_px = p->model->width_px,
+				      .height_px = p->model->height_px,
+				      .rate = { (uint32_t)p->model->rate_hz, 1 },
+				      .serial = (uint32_t)(sim_rng_u64(&rng) % 10000000) };
 	if (c->width_px > 0 && c->width_px < 65536)
 		spec.width_px = (int)c->width_px;
 	if (c->height_px > 0 && c->height_px < 65536)
@@ -375,7 +377,7 @@ static enum bb_status make_edid(struct peer_ddcci *p, struct sim_timing *timing)
 }
 
 enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct sim_world *world, uint64_t seed,
-                                 int64_t now_ns, struct peer_ddcci **out)
+				 int64_t now_ns, struct peer_ddcci **out)
 {
 	struct peer_ddcci *p = calloc(1, sizeof(*p));
 	struct sim_timing timing;
@@ -395,7 +397,7 @@ enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct 
 	}
 	const uint16_t input = config->input > 0 && config->input < 256 ? (uint16_t)config->input : VCP_INPUT_DP1;
 	vcp_init(&p->vcp, input, sim_timing_line_hz(&timing), sim_timing_rate_hz(&timing),
-	         500 + (uint32_t)(sim_rng_u64(&p->rng) % 15000));
+		 500 + (uint32_t)(sim_rng_u64(&p->rng) % 15000));
 	p->capabilities_bytes = vcp_text(p->model->shown, p->capabilities, sizeof(p->capabilities));
 	p->fed = !peer_ddcci_on_outlet(p) || sim_world_fed(world, config->outlet);
 	const enum bb_status status =
@@ -466,7 +468,7 @@ static int64_t now_of(const struct peer_ddcci *p)
 }
 
 static enum bb_status toggle(void *device, const struct sim_fault_args *args, enum peer_fault fault, bool on,
-                             struct bb_error *err)
+			     struct bb_error *err)
 {
 	const enum bb_status status = sim_args_only(args, "", err);
 
@@ -475,10 +477,10 @@ static enum bb_status toggle(void *device, const struct sim_fault_args *args, en
 	return status;
 }
 
-#define TOGGLE(name, fault)                                                                                          \
-	static enum bb_status name(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)   \
-	{                                                                                                            \
-		return toggle(device, args, fault, on, err);                                                         \
+#define TOGGLE(name, fault)                                                                                        \
+	static enum bb_status name(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err) \
+	{                                                                                                          \
+		return toggle(device, args, fault, on, err);                                                       \
 	}
 TOGGLE(verb_off, PEER_OFF)
 TOGGLE(verb_standby, PEER_STANDBY)

@@ -221,7 +221,8 @@ static void capabilities_are_text(struct bench *t)
 
 static void saving_is_refused(struct bench *t)
 {
-	const struct bb_monitor_request save = { BB_MONITOR_SAVE, 0, 0 }, store = { BB_MONITOR_SET, BB_VCP_SETTINGS, 1 };
+	const struct bb_monitor_request save = { BB_MONITOR_SAVE, 0, 0 };
+	const struct bb_monitor_request store = { BB_MONITOR_SET, BB_VCP_SETTINGS, 1 };
 
 	assert_int_equal(bb_monitor_submit(t->m, &save), BB_ERR_REFUSED);
 	assert_int_equal(bb_monitor_submit(t->m, &store), BB_ERR_REFUSED);

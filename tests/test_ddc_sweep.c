@@ -13,7 +13,7 @@
 #define MONITORS 416
 #define A_NODE 24
 #define BYTE_MS 0.09
-#define SET_MS (8 * BYTE_MS)   /* with its address byte */
+#define SET_MS (8 * BYTE_MS) /* with its address byte */
 #define GET_MS (6 * BYTE_MS)
 #define REPLY_MS (12 * BYTE_MS)
 #define SELECT_MS (2 * BYTE_MS)
@@ -37,7 +37,9 @@ static struct wall *build(size_t n, size_t share, bool mux)
 	w->n = n;
 	assert_int_equal(bb_clock_virtual_create(&w->clk), BB_OK);
 	for (size_t i = 0; i < n; i++) {
-		struct bb_monitor_config c = { .edid = "S27A850D", .width_px = 2560, .height_px = 1440, .rate = { 60, 1 } };
+		struct bb_monitor_config c = {
+			.edid = "S27A850D", .width_px = 2560, .height_px = 1440, .rate = { 60, 1 }
+		};
 		const struct bb_open open = { .clk = w->clk };
 		struct bb_i2c_bus *bus;
 		snprintf(c.id, sizeof(c.id), "m%zu", i);
@@ -182,8 +184,8 @@ static int by_cpu(const void *a, const void *b)
 
 static void row(const char *name, const struct sweep *s, double bound_ms, double free_bound_ms)
 {
-	print_message("%-44s %10.1f %10.1f %6.2f %12.1f %10.1f %8llu\n", name, s->last_ms, bound_ms, s->last_ms / bound_ms,
-	              s->reusable_ms, free_bound_ms, (unsigned long long)s->steps);
+	print_message("%-44s %10.1f %10.1f %6.2f %12.1f %10.1f %8llu\n", name, s->last_ms, bound_ms,
+		      s->last_ms / bound_ms, s->reusable_ms, free_bound_ms, (unsigned long long)s->steps);
 }
 
 static void test_sweep(void **state)
@@ -192,8 +194,8 @@ static void test_sweep(void **state)
 	const double verify_ms = SET_MS + WRITE_WAIT_MS + GET_MS + REPLY_WAIT_MS + REPLY_MS;
 	struct sweep runs[9], serial = serially(MONITORS);
 
-	print_message("%-44s %10s %10s %6s %12s %10s %8s\n", "set + verify of VCP 10, virtual ms", "last", "bound", "ratio",
-	              "reusable", "bound", "steps");
+	print_message("%-44s %10s %10s %6s %12s %10s %8s\n", "set + verify of VCP 10, virtual ms", "last", "bound",
+		      "ratio", "reusable", "bound", "steps");
 	row("416 buses, one after another", &serial, MONITORS * (verify_ms + WRITE_WAIT_MS) - WRITE_WAIT_MS,
 	    MONITORS * (verify_ms + WRITE_WAIT_MS));
 	for (size_t i = 0; i < BB_ARRAY_LEN(runs); i++)
@@ -206,7 +208,8 @@ static void test_sweep(void **state)
 	assert_true(all.reusable_ms <= 178 && all.reusable_ms >= verify_ms + WRITE_WAIT_MS - 0.001);
 	const double share = 100 * all.cpu_ms / all.reusable_ms;
 	print_message("    CPU of that sweep, displays included: median %.2f ms, least %.2f, most %.2f (%.2f %% of its "
-	              "%.1f virtual ms; ceiling 1 %%)\n", all.cpu_ms, runs[0].cpu_ms, runs[8].cpu_ms, share, all.reusable_ms);
+		      "%.1f virtual ms; ceiling 1 %%)\n",
+		      all.cpu_ms, runs[0].cpu_ms, runs[8].cpu_ms, share, all.reusable_ms);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
 	assert_true(share <= 5); /* five times the ceiling: a guard, not a measurement */
 #endif

@@ -24,10 +24,13 @@ static void test_checksums(void **state)
 		size_t n;
 		uint8_t sum;
 	} known[] = {
-		{ 0x6E, { 0x51, 0x82, 0xF5, 0x01 }, 4, 0x49 }, { 0x6E, { 0x51, 0x81, 0xB1 }, 3, 0x0F },
-		{ 0xF0, { 0xF1, 0x81, 0xB1 }, 3, 0x31 },       { 0x6E, { 0xF1, 0x81, 0xB1 }, 3, 0xAF },
+		{ 0x6E, { 0x51, 0x82, 0xF5, 0x01 }, 4, 0x49 },
+		{ 0x6E, { 0x51, 0x81, 0xB1 }, 3, 0x0F },
+		{ 0xF0, { 0xF1, 0x81, 0xB1 }, 3, 0x31 },
+		{ 0x6E, { 0xF1, 0x81, 0xB1 }, 3, 0xAF },
 		/* replies: 50 stands for 6F (and for F1) */
-		{ 0x50, { 0x6E, 0x82, 0xA1, 0x00 }, 4, 0x1D }, { 0x50, { 0x6E, 0x80 }, 2, 0xBE },
+		{ 0x50, { 0x6E, 0x82, 0xA1, 0x00 }, 4, 0x1D },
+		{ 0x50, { 0x6E, 0x80 }, 2, 0xBE },
 		{ 0x50, { 0xF0, 0x82, 0xA1, 0x00 }, 4, 0x83 },
 	};
 
@@ -84,7 +87,7 @@ static void test_values(void **state)
 		assert_int_equal(ddcci_take_vcp(g->bytes, 11, g->vcp.code, &v, &doubled, NULL), DDCCI_ANSWER);
 		assert_false(doubled);
 		assert_true(v.supported == g->vcp.supported && v.code == g->vcp.code && v.type == g->vcp.type &&
-		            v.most == g->vcp.most && v.current == g->vcp.current);
+			    v.most == g->vcp.most && v.current == g->vcp.current);
 		uint8_t twice[12] = { 0x6E };
 		memcpy(twice + 1, g->bytes, 11);
 		assert_int_equal(ddcci_take_vcp(twice, 12, g->vcp.code, &v, &doubled, NULL), DDCCI_ANSWER);
@@ -123,7 +126,7 @@ static void test_fragments(void **state)
 {
 	(void)state;
 	static const uint8_t part[] = { 0x6E, 0x91, 0xE3, 0x00, 0x00, 0x28, 0x70, 0x72, 0x6F, 0x74,
-		                        0x28, 0x6D, 0x6F, 0x6E, 0x69, 0x74, 0x6F, 0x72, 0x29, 0x10 };
+					0x28, 0x6D, 0x6F, 0x6E, 0x69, 0x74, 0x6F, 0x72, 0x29, 0x10 };
 	static const uint8_t last[] = { 0x6E, 0x83, 0xE3, 0x00, 0x0E, 0x50 };
 	struct ddcci_fragment f;
 	struct ddcci_vcp v;
@@ -147,8 +150,9 @@ struct end {
 
 static struct end begin(void)
 {
-	const struct bb_monitor_config c = { .id = "golden", .edid = "generic", .width_px = 1920, .height_px = 1080,
-		                             .rate = { 120, 1 } };
+	const struct bb_monitor_config c = {
+		.id = "golden", .edid = "generic", .width_px = 1920, .height_px = 1080, .rate = { 120, 1 }
+	};
 	struct end e = { NULL, 0 };
 
 	assert_int_equal(peer_ddcci_create(&c, NULL, 1, 0, &e.p), BB_OK);
@@ -170,10 +174,11 @@ static void talk(struct end *e, const uint8_t *request, size_t n_request, uint8_
 static void test_peer_golden(void **state)
 {
 	(void)state;
-	static const uint8_t set[] = { 0x51, 0x84, 0x03, 0x10, 0x00, 0x32, 0x9A }, get[] = { 0x51, 0x82, 0x01, 0x10, 0xAC },
-			     version[] = { 0x51, 0x82, 0x01, 0xDF, 0x63 }, save[] = { 0x51, 0x81, 0x0C, 0xB2 },
-			     strange[] = { 0x51, 0x82, 0x01, 0x59, 0xE5 }, caps[] = { 0x51, 0x83, 0xF3, 0x00, 0x00, 0x4F },
-			     identify[] = { 0x51, 0x81, 0xF1, 0x4F }, wrong[] = { 0x51, 0x82, 0x01, 0x10, 0xAD };
+	static const uint8_t set[] = { 0x51, 0x84, 0x03, 0x10, 0x00, 0x32, 0x9A },
+			     get[] = { 0x51, 0x82, 0x01, 0x10, 0xAC }, version[] = { 0x51, 0x82, 0x01, 0xDF, 0x63 },
+			     save[] = { 0x51, 0x81, 0x0C, 0xB2 }, strange[] = { 0x51, 0x82, 0x01, 0x59, 0xE5 },
+			     caps[] = { 0x51, 0x83, 0xF3, 0x00, 0x00, 0x4F }, identify[] = { 0x51, 0x81, 0xF1, 0x4F },
+			     wrong[] = { 0x51, 0x82, 0x01, 0x10, 0xAD };
 	static const uint8_t null[] = { 0x6E, 0x80, 0xBE };
 	struct end e = begin();
 	uint8_t b[38];
@@ -215,7 +220,8 @@ static void test_peer_probe(void **state)
 	static const uint8_t set[] = { 0x51, 0x84, 0x03, 0x10, 0x00, 0x32, 0x9A };
 	e.now_ns += 100 * MS;
 	assert_int_equal(peer_ddcci_write(e.p, 0x37, set, sizeof(set), e.now_ns, e.now_ns + MS), PEER_ACK);
-	assert_int_equal(peer_ddcci_write(e.p, 0x37, get, sizeof(get), e.now_ns + 40 * MS, e.now_ns + 41 * MS), PEER_ACK);
+	assert_int_equal(peer_ddcci_write(e.p, 0x37, get, sizeof(get), e.now_ns + 40 * MS, e.now_ns + 41 * MS),
+			 PEER_ACK);
 	assert_int_equal(peer_ddcci_counts(e.p)->too_early, 1);
 	e.now_ns += 100 * MS;
 	assert_int_equal(peer_ddcci_write(e.p, 0x37, get, sizeof(get), e.now_ns, e.now_ns + MS), PEER_ACK);
@@ -292,9 +298,11 @@ static void test_peer_memory(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(test_checksums),  cmocka_unit_test(test_requests),    cmocka_unit_test(test_values),
-		cmocka_unit_test(test_damaged_values), cmocka_unit_test(test_fragments), cmocka_unit_test(test_peer_golden),
-		cmocka_unit_test(test_peer_probe), cmocka_unit_test(test_round_trip),  cmocka_unit_test(test_peer_memory),
+		cmocka_unit_test(test_checksums),   cmocka_unit_test(test_requests),
+		cmocka_unit_test(test_values),      cmocka_unit_test(test_damaged_values),
+		cmocka_unit_test(test_fragments),   cmocka_unit_test(test_peer_golden),
+		cmocka_unit_test(test_peer_probe),  cmocka_unit_test(test_round_trip),
+		cmocka_unit_test(test_peer_memory),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -16,14 +16,14 @@
 #include <cmocka.h>
 
 static const uint8_t golden[128] = {
-	0x00, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x00, 0x08, 0x54, 0x01, 0x00, 0xa0, 0x01, 0x00, 0x00, 0x01, 0x22,
-	0x01, 0x04, 0xa5, 0x35, 0x1e, 0x78, 0x06, 0xee, 0x91, 0xa3, 0x54, 0x4c, 0x99, 0x26, 0x0f, 0x50, 0x54, 0x00,
-	0x00, 0x00, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01,
-	0x86, 0x6f, 0x80, 0xa0, 0x70, 0x38, 0x40, 0x40, 0x30, 0x20, 0x35, 0x00, 0x13, 0x2b, 0x21, 0x00, 0x00, 0x5a,
-	0x00, 0x00, 0x00, 0xfc, 0x00, 0x42, 0x42, 0x55, 0x52, 0x53, 0x54, 0x2d, 0x53, 0x49, 0x4d, 0x0a, 0x20, 0x20,
-	0x00, 0x00, 0x00, 0xff, 0x00, 0x53, 0x49, 0x4d, 0x30, 0x30, 0x30, 0x30, 0x34, 0x31, 0x36, 0x0a, 0x20, 0x20,
-	0x00, 0x00, 0x00, 0xfd, 0x00, 0x30, 0x78, 0x1e, 0x8c, 0x3c, 0x01, 0x0a, 0x20, 0x20, 0x20, 0x20, 0x20, 0x20,
-	0x00, 0x9a,
+	0x00, 0xff, 0xff, 0xff, 0xff, 0xff, 0xff, 0x00, 0x08, 0x54, 0x01, 0x00, 0xa0, 0x01, 0x00, 0x00,
+	0x01, 0x22, 0x01, 0x04, 0xa5, 0x35, 0x1e, 0x78, 0x06, 0xee, 0x91, 0xa3, 0x54, 0x4c, 0x99, 0x26,
+	0x0f, 0x50, 0x54, 0x00, 0x00, 0x00, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x01,
+	0x01, 0x01, 0x01, 0x01, 0x01, 0x01, 0x86, 0x6f, 0x80, 0xa0, 0x70, 0x38, 0x40, 0x40, 0x30, 0x20,
+	0x35, 0x00, 0x13, 0x2b, 0x21, 0x00, 0x00, 0x5a, 0x00, 0x00, 0x00, 0xfc, 0x00, 0x42, 0x42, 0x55,
+	0x52, 0x53, 0x54, 0x2d, 0x53, 0x49, 0x4d, 0x0a, 0x20, 0x20, 0x00, 0x00, 0x00, 0xff, 0x00, 0x53,
+	0x49, 0x4d, 0x30, 0x30, 0x30, 0x30, 0x34, 0x31, 0x36, 0x0a, 0x20, 0x20, 0x00, 0x00, 0x00, 0xfd,
+	0x00, 0x30, 0x78, 0x1e, 0x8c, 0x3c, 0x01, 0x0a, 0x20, 0x20, 0x20, 0x20, 0x20, 0x20, 0x00, 0x9a,
 };
 
 static void seal(uint8_t *block)
@@ -55,7 +55,7 @@ static void test_golden(void **state)
 	assert_string_equal(e.name, "BBURST-SIM");
 	assert_string_equal(e.serial_text, "SIM0000416");
 	assert_true(e.has_range && e.least_hz == 48 && e.most_hz == 120 && e.least_khz == 30 && e.most_khz == 140 &&
-	            e.most_mhz == 600);
+		    e.most_mhz == 600);
 	assert_int_equal(e.n_timings, 1);
 	const struct edid_timing *t = &e.timing[0];
 	assert_true(t->width == 1920 && t->height == 1080 && t->h_blank == 160 && t->v_blank == 64);
@@ -77,8 +77,12 @@ static void test_generated(void **state)
 	for (int width = 640; width <= 4000; width += 160)
 		for (int height = 480; height <= 2400; height += 120)
 			for (size_t i = 0; i < BB_ARRAY_LEN(hz); i++) {
-				const struct sim_edid_spec spec = { sim_edid_model_at((size_t)n % 4), width, height,
-					                            { hz[i], 1 }, (uint32_t)n * 977, n % 3 == 0 };
+				const struct sim_edid_spec spec = { sim_edid_model_at((size_t)n % 4),
+								    width,
+								    height,
+								    { hz[i], 1 },
+								    (uint32_t)n * 977,
+								    n % 3 == 0 };
 				uint8_t b[SIM_EDID_MAX_BYTES];
 				struct sim_timing t;
 				struct edid_info e;
@@ -93,9 +97,9 @@ static void test_generated(void **state)
 				assert_int_equal(e.serial, spec.serial);
 				assert_true(e.timing[0].width == width && e.timing[0].height == height);
 				assert_true(e.timing[0].clock_khz == t.clock_khz && e.timing[0].v_blank == t.v_blank &&
-				            e.timing[0].h_sync == t.h_sync && e.timing[0].v_sync == t.v_sync);
+					    e.timing[0].h_sync == t.h_sync && e.timing[0].v_sync == t.v_sync);
 				assert_int_equal(e.timing[0].stereo,
-				                 spec.stereo ? EDID_STEREO_SEQUENTIAL_LEFT : EDID_STEREO_NONE);
+						 spec.stereo ? EDID_STEREO_SEQUENTIAL_LEFT : EDID_STEREO_NONE);
 				assert_int_equal(e.n_extensions, bytes / 128 - 1);
 				if (e.n_extensions) {
 					assert_true(e.extension[0].tag == 2 && e.extension[0].revision == 3);
@@ -112,10 +116,14 @@ static void test_stereo_bits(void **state)
 	static const struct {
 		uint8_t flags;
 		enum edid_stereo stereo;
-	} known[] = { { 0x00, EDID_STEREO_NONE },            { 0x01, EDID_STEREO_NONE },
-		      { 0x20, EDID_STEREO_SEQUENTIAL_RIGHT },{ 0x40, EDID_STEREO_SEQUENTIAL_LEFT },
-		      { 0x21, EDID_STEREO_ROWS_RIGHT_EVEN }, { 0x41, EDID_STEREO_ROWS_LEFT_EVEN },
-		      { 0x60, EDID_STEREO_FOUR_WAY },        { 0x61, EDID_STEREO_SIDE_BY_SIDE } };
+	} known[] = { { 0x00, EDID_STEREO_NONE },
+		      { 0x01, EDID_STEREO_NONE },
+		      { 0x20, EDID_STEREO_SEQUENTIAL_RIGHT },
+		      { 0x40, EDID_STEREO_SEQUENTIAL_LEFT },
+		      { 0x21, EDID_STEREO_ROWS_RIGHT_EVEN },
+		      { 0x41, EDID_STEREO_ROWS_LEFT_EVEN },
+		      { 0x60, EDID_STEREO_FOUR_WAY },
+		      { 0x61, EDID_STEREO_SIDE_BY_SIDE } };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(known); i++) {
 		uint8_t b[128];
@@ -263,8 +271,9 @@ static void test_real(void **state)
 			continue;
 		}
 		assert_memory_equal(e.maker, f->d_name, 3); /* their names begin with maker and product */
-		assert_int_equal(e.product, strtoul((char[]){ f->d_name[3], f->d_name[4], f->d_name[5], f->d_name[6], 0 },
-		                                    NULL, 16));
+		assert_int_equal(
+			e.product,
+			strtoul((char[]){ f->d_name[3], f->d_name[4], f->d_name[5], f->d_name[6], 0 }, NULL, 16));
 		if (asked_edid_decode(path, maker, &product)) {
 			judged++;
 			assert_string_equal(e.maker, maker);
@@ -272,16 +281,20 @@ static void test_real(void **state)
 		}
 	}
 	closedir(d);
-	print_message("%d real EDIDs, %d without a good base block, %d compared with edid-decode\n", n, damaged, judged);
+	print_message("%d real EDIDs, %d without a good base block, %d compared with edid-decode\n", n, damaged,
+		      judged);
 	assert_true(n > 0 && damaged < n / 4);
 }
 
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(test_golden),      cmocka_unit_test(test_generated),
-		cmocka_unit_test(test_stereo_bits), cmocka_unit_test(test_damage),
-		cmocka_unit_test(test_hostile_extensions), cmocka_unit_test(test_displayid),
+		cmocka_unit_test(test_golden),
+		cmocka_unit_test(test_generated),
+		cmocka_unit_test(test_stereo_bits),
+		cmocka_unit_test(test_damage),
+		cmocka_unit_test(test_hostile_extensions),
+		cmocka_unit_test(test_displayid),
 		cmocka_unit_test(test_real),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

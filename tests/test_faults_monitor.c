@@ -3,6 +3,7 @@
  * found by the driver within its budget, named, and recovered from. Times are on the virtual clock.
  */
 #include "drivers/monitor_ddc.h"
+#include "drivers/vcp_capabilities.h"
 #include "sim/bus_sim_i2c.h"
 #include "tests/sim_rig.h"
 
@@ -17,9 +18,15 @@ struct bench {
 
 static struct bench begin(void)
 {
-	const struct bb_monitor_config c = { .id = "m1", .node = "front", .device = "i2c:", .edid = "S27A850D",
-		                             .outlet = "pdu1/2", .width_px = 2560, .height_px = 1440,
-		                             .rate = { 60, 1 }, .input = 0x0F };
+	const struct bb_monitor_config c = { .id = "m1",
+					     .node = "front",
+					     .device = "i2c:",
+					     .edid = "S27A850D",
+					     .outlet = "pdu1/2",
+					     .width_px = 2560,
+					     .height_px = 1440,
+					     .rate = { 60, 1 },
+					     .input = 0x0F };
 	struct bench t = { .rig = rig_create(11, 1) };
 	struct bb_i2c_bus *bus;
 
@@ -96,12 +103,13 @@ static void check_named(struct bench *t, const char *name)
 }
 
 static void row(const char *name, const char *injected, double detected_ms, double budget_ms, const char *report,
-                double recovered_ms)
+		double recovered_ms)
 {
 	char recovered[24];
 
 	snprintf(recovered, sizeof(recovered), recovered_ms < 0 ? "by hand" : "%.0f", recovered_ms);
-	print_message("%-4s %-34s %10.1f %10.0f   %-13s %10s\n", name, injected, detected_ms, budget_ms, report, recovered);
+	print_message("%-4s %-34s %10.1f %10.0f   %-13s %10s\n", name, injected, detected_ms, budget_ms, report,
+		      recovered);
 	assert_true(detected_ms <= budget_ms);
 }
 
@@ -109,16 +117,16 @@ static void header(void **state)
 {
 	(void)state;
 	print_message("%-4s %-34s %10s %10s   %-13s %10s\n", "row", "injected", "found, ms", "budget, ms", "named",
-	              "well, ms");
+		      "well, ms");
 }
 
 /* ---- the rows ---- */
 
-#define TRY_MS 45    /* one exchange at 100 kHz with its wait */
+#define TRY_MS 45 /* one exchange at 100 kHz with its wait */
 
 /* Faults that spoil every exchange: found in the first, the request gives up or waits, and all is well afterwards. */
 static void spoils(const char *name, const char *verb, enum bb_health health, enum ddc_fault fault, double budget_ms,
-                   enum bb_status status)
+		   enum bb_status status)
 {
 	struct bench t = begin();
 
@@ -267,7 +275,7 @@ static void test_d5(void **state)
 	while (monitor_ddc_report(t.m)->gap.slow && healed++ < 20000)
 		assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_OK);
 	print_message("     slow: %.2f tries a request at a gap of %.2f; back to 1.00 after %d requests\n", mean, gap,
-	              healed);
+		      healed);
 	assert_false(monitor_ddc_report(t.m)->gap.slow);
 	row("D5", "replies after 65 ms (3 retries)", found_ms, 1000, "DDC_SLOW", 0);
 	end(&t);
@@ -432,7 +440,8 @@ static void test_quirks_histogram(void **state)
 	};
 	static const uint8_t codes[] = { 0x10, 0x12, 0x60, 0x16, 0xD6, 0x59, 0xDF, 0xC0 };
 
-	print_message("%-24s %6s  tries 1..10 of 400 gets, one in eight of a code it does not have\n", "display", "mean");
+	print_message("%-24s %6s  tries 1..10 of 400 gets, one in eight of a code it does not have\n", "display",
+		      "mean");
 	for (size_t k = 0; k < BB_ARRAY_LEN(displays); k++) {
 		struct bench t = begin();
 		char line[120] = "";
@@ -447,7 +456,7 @@ static void test_quirks_histogram(void **state)
 		for (uint64_t n = 1; n <= 10; n++) {
 			all += n * report->tries[n];
 			snprintf(line + strlen(line), sizeof(line) - strlen(line), " %llu",
-			         (unsigned long long)report->tries[n]);
+				 (unsigned long long)report->tries[n]);
 		}
 		print_message("%-24s %6.2f %s\n", displays[k].name, (double)all / 400, line);
 		assert_true((double)all / 400 <= 1.4);
@@ -492,6 +501,35 @@ static void test_long_edid(void **state)
 	end(&t);
 }
 
+static void test_capabilities(void **state)
+{
+	(void)state;
+	struct bench t = begin();
+	static struct vcp_capabilities c;
+	struct bb_monitor_reply r = ask(&t, BB_MONITOR_CAPABILITIES, 0, 0);
+
+	assert_int_equal(vcp_capabilities_parse(r.text, r.text_bytes, &c), BB_OK);
+	assert_false(c.unbalanced || c.noise);
+	assert_string_equal(c.model, "SMS27A850");
+	for (unsigned int code = 0; code < 256; code++) {
+		uint16_t value;
+		const bool there = peer_ddcci_value(t.peer, (uint8_t)code, &value) || code == BB_VCP_RESTORE_DEFAULTS;
+		assert_int_equal(c.code[code].known, there);
+	}
+	assert_true(vcp_capabilities_allow(&c, BB_VCP_INPUT, 0x0F) && !vcp_capabilities_allow(&c, BB_VCP_INPUT, 0x1B));
+	peer_ddcci_quirks(t.peer)->malformed_capabilities = true;
+	peer_ddcci_quirks(t.peer)->doubled_source = true;
+	peer_ddcci_quirks(t.peer)->busy_percent = 10;
+	r = ask(&t, BB_MONITOR_CAPABILITIES, 0, 0);
+	assert_int_equal(r.status, BB_OK);
+	assert_true(r.tries > 1); /* at least to learn of the doubled byte */
+	assert_int_equal(vcp_capabilities_parse(r.text, r.text_bytes, &c), BB_OK);
+	assert_true(c.unbalanced && c.noise);
+	assert_true(c.code[0x10].known && c.code[0xDF].known && c.code[0x60].n == 3 && c.code[0xAE].known);
+	assert_true(c.mccs_major == 2 && c.mccs_minor == 2);
+	end(&t);
+}
+
 static void test_bad_opens(void **state)
 {
 	(void)state;
@@ -528,10 +566,21 @@ static void test_verbs(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(header),  cmocka_unit_test(test_d1), cmocka_unit_test(test_d2), cmocka_unit_test(test_d3),
-		cmocka_unit_test(test_d4), cmocka_unit_test(test_d5), cmocka_unit_test(test_d6), cmocka_unit_test(test_d7),
-		cmocka_unit_test(test_d8), cmocka_unit_test(test_d9), cmocka_unit_test(test_quirks_histogram),
-		cmocka_unit_test(test_long_edid), cmocka_unit_test(test_bad_opens), cmocka_unit_test(test_verbs),
+		cmocka_unit_test(header),
+		cmocka_unit_test(test_d1),
+		cmocka_unit_test(test_d2),
+		cmocka_unit_test(test_d3),
+		cmocka_unit_test(test_d4),
+		cmocka_unit_test(test_d5),
+		cmocka_unit_test(test_d6),
+		cmocka_unit_test(test_d7),
+		cmocka_unit_test(test_d8),
+		cmocka_unit_test(test_d9),
+		cmocka_unit_test(test_quirks_histogram),
+		cmocka_unit_test(test_long_edid),
+		cmocka_unit_test(test_capabilities),
+		cmocka_unit_test(test_bad_opens),
+		cmocka_unit_test(test_verbs),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

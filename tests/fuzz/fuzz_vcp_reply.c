@@ -1,11 +1,11 @@
 /*
- * tests/fuzz/fuzz_vcp_reply.c: the driver's machine against a wire that answers with the input: its bytes are replies,
- * missing acknowledges, bus errors and EDID reads in any order. Whatever comes, requests end, tries stay bounded, and
- * nothing but harmless messages goes out.
+ * tests/fuzz/fuzz_vcp_reply.c: the driver's machine against a wire that answers with the input: its bytes are
+ * replies, missing acknowledges, bus errors and EDID reads in any order. Whatever comes, requests end, tries stay
+ * bounded, and nothing but harmless messages goes out.
  *
- * The input: two bytes for the kinds of requests and their codes, then for each transfer a byte that says how it goes (0
- * no acknowledge, 1 bus error, 2 busy, else it works) and what a read brings: 4 a value, 5 "unsupported", 6 Null, 7 zeros
- * (for the code asked last), any other the bytes that follow.
+ * The input: two bytes for the kinds of requests and their codes, then for each transfer a byte that says how it goes
+ * (0 no acknowledge, 1 bus error, 2 busy, else it works) and what a read brings: 4 a value, 5 "unsupported", 6 Null,
+ * 7 zeros (for the code asked last), any other the bytes that follow.
  */
 #include "drivers/ddcci_codec.h"
 #include "drivers/ddcci_wire.h"
@@ -21,7 +21,7 @@ struct wire {
 	const uint8_t *at;
 	size_t left;
 	unsigned int busy;
-	uint8_t code;      /* asked last */
+	uint8_t code; /* asked last */
 };
 
 static void check(bool good)
@@ -52,7 +52,10 @@ static void fill(struct wire *w, struct bb_i2c_message *m, uint8_t how)
 	const uint8_t value[11] = { DDCCI_TO_DISPLAY, 0x88, DDCCI_GET_REPLY, how == 5, w->code };
 
 	for (size_t k = 0; k < m->n_bytes; k++)
-		m->bytes[k] = how == 7 ? 0 : how < 4 || how > 7 || (how < 6 && k >= 7) ? next(w) : k < 11 ? value[k] : 0;
+		m->bytes[k] = how == 7                                    ? 0
+			      : how < 4 || how > 7 || (how < 6 && k >= 7) ? next(w)
+			      : k < 11                                    ? value[k]
+									  : 0;
 	if (how == 6)
 		m->bytes[1] = DDCCI_LENGTH_FLAG;
 }
@@ -85,7 +88,7 @@ static void close_wire(struct bb_i2c_bus *bus)
 static const struct bb_i2c_ops ops = { transfer, close_wire };
 
 static void one_request(struct bb_monitor *m, struct bb_clock *clk, enum bb_monitor_request_kind kind, uint8_t code,
-                        unsigned int value)
+			unsigned int value)
 {
 	static struct bb_monitor_reply r;
 	const struct bb_monitor_request q = { kind, code, (uint16_t)(value - 1) };
@@ -102,8 +105,8 @@ static void one_request(struct bb_monitor *m, struct bb_clock *clk, enum bb_moni
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-	static const uint8_t codes[] = { BB_VCP_LUMINANCE, BB_VCP_POWER_MODE, BB_VCP_INPUT, 0x59, BB_VCP_HOURS,
-		                         BB_VCP_NEW_CONTROL, BB_VCP_VERSION, BB_VCP_CONTRAST };
+	static const uint8_t codes[] = { BB_VCP_LUMINANCE, BB_VCP_POWER_MODE,  BB_VCP_INPUT,   0x59,
+					 BB_VCP_HOURS,     BB_VCP_NEW_CONTROL, BB_VCP_VERSION, BB_VCP_CONTRAST };
 	struct wire w = { .base = { .ops = &ops }, .at = data, .left = size };
 	const struct bb_monitor_config config = { .id = "fuzz" };
 	struct bb_monitor *m;
@@ -115,7 +118,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (monitor_ddc_open_on(&w.base, &config, &open, &m) == BB_OK) {
 		for (unsigned int i = 0; i < 3; i++)
 			one_request(m, w.base.clk, (enum bb_monitor_request_kind)(kinds >> (2 * i) & 3),
-			            codes[which >> (2 * i) & 7], 2 + (kinds >> 6));
+				    codes[which >> (2 * i) & 7], 2 + (kinds >> 6));
 		bb_clock_run_until(w.base.clk, bb_clock_now_ns(w.base.clk) + 20 * BB_NS_PER_S);
 		monitor_ddc_release(m);
 		bb_clock_run_until(w.base.clk, bb_clock_now_ns(w.base.clk) + BB_NS_PER_S);
