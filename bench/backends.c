@@ -9,6 +9,7 @@
 #include "drivers/gamepad_evdev.h"
 #include "drivers/gamepad_hid.h"
 #include "drivers/gamepad_xusb.h"
+#include "drivers/monitor_ddc.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
@@ -26,6 +27,7 @@ static const struct bb_backend backends[] = {
 	{ .scheme = "hid", .help = "hidraw: RumblePad 2, SpaceMouse", .gamepad = &bb_gamepad_hid_driver },
 	/* last: any pad the kernel drives, but changes only and no battery */
 	{ .scheme = "evdev", .help = "the kernel's input events, SDL mappings", .gamepad = &bb_gamepad_evdev_driver },
+	{ "i2c", "a monitor's DDC wires on Linux i2c-dev", .monitor = &monitor_ddc_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)

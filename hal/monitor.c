@@ -54,6 +54,10 @@ enum bb_status bb_monitor_submit(struct bb_monitor *m, const struct bb_monitor_r
 	/* Power-off by DDC can leave a display that only mains or a button wakes: hal/safety.h forbids it. */
 	if (request->kind == BB_MONITOR_SET && request->code == BB_VCP_POWER_MODE && request->value == 5)
 		return bb_device_fail(&m->dev, BB_ERR_REFUSED, "submit", "VCP D6 = 5 (power off) is not allowed");
+	/* What is saved by mistake outlives the run. B0 = 1 is the same wish as a VCP write. */
+	if (request->kind == BB_MONITOR_SAVE ||
+	    (request->kind == BB_MONITOR_SET && request->code == BB_VCP_SETTINGS && request->value == 1))
+		return bb_device_fail(&m->dev, BB_ERR_REFUSED, "submit", "saving settings in the display is not allowed");
 	m->dev.ops++;
 	return m->ops->submit(m, request);
 }

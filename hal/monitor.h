@@ -20,6 +20,7 @@
 #define BB_VCP_INPUT 0x60
 #define BB_VCP_H_FREQUENCY 0xAC
 #define BB_VCP_V_FREQUENCY 0xAE
+#define BB_VCP_SETTINGS 0xB0
 #define BB_VCP_HOURS 0xC0
 #define BB_VCP_ENABLE_KEY 0xC6
 #define BB_VCP_CONTROLLER 0xC8
@@ -49,23 +50,35 @@ struct bb_monitor_limits {
 	uint32_t most_tries;
 };
 
-enum bb_monitor_request_kind { BB_MONITOR_EDID, BB_MONITOR_GET, BB_MONITOR_SET };
+enum bb_monitor_request_kind {
+	BB_MONITOR_EDID,
+	BB_MONITOR_GET,
+	BB_MONITOR_SET,
+	BB_MONITOR_CAPABILITIES, /* the display's own list of what it has, as text */
+	BB_MONITOR_SAVE,         /* always BB_ERR_REFUSED (hal/safety.h) */
+};
 struct bb_monitor_request {
 	enum bb_monitor_request_kind kind;
 	uint8_t code;
 	uint16_t value;       /* SET */
 };
 #define BB_EDID_MAX_BYTES 1024
+#define BB_MONITOR_TEXT_MAX 2048
 struct bb_monitor_reply {
 	struct bb_monitor_request request;
 	enum bb_status status; /* BB_OK; BB_ERR_UNSUPPORTED: code unknown; BB_ERR_BUSY: gave up after Null replies
 	                          (standby answers EDID but not VCP); BB_ERR_LOST: no ACK; BB_ERR_RANGE: illegal value;
-	                          BB_ERR_REFUSED: safety */
+	                          BB_ERR_REFUSED: safety; BB_ERR_FORMAT: only damaged replies came; BB_ERR_IO: the
+	                          bus failed, or a value written reads back as another */
 	uint16_t current, most; /* GET; both are 0xFFFF for "cannot determine" */
 	uint32_t tries;
 	int64_t done_ns;
 	size_t edid_bytes;      /* EDID: 128 x (1 + extensions), bounded */
-	uint8_t edid[BB_EDID_MAX_BYTES];
+	size_t text_bytes;      /* CAPABILITIES: without a NUL, bounded */
+	union {                 /* only as many bytes as told above are set */
+		uint8_t edid[BB_EDID_MAX_BYTES];
+		char text[BB_MONITOR_TEXT_MAX];
+	};
 };
 
 struct bb_monitor;
@@ -76,7 +89,7 @@ BB_MUST_CHECK enum bb_status bb_monitor_open(const struct bb_monitor_driver *dri
                                              struct bb_monitor **out);
 void bb_monitor_close(struct bb_monitor *m);
 const struct bb_monitor_limits *bb_monitor_limits(const struct bb_monitor *m);
-/* BB_ERR_BUSY while a request is outstanding; BB_ERR_REFUSED for D6 = 5 (hal/safety.h). */
+/* BB_ERR_BUSY while a request is outstanding; BB_ERR_REFUSED for D6 = 5 and for saving (hal/safety.h). */
 BB_MUST_CHECK enum bb_status bb_monitor_submit(struct bb_monitor *m, const struct bb_monitor_request *request);
 /* BB_OK once when the reply is there (its own status says how it went); BB_TIMEOUT while under way or idle. */
 BB_MUST_CHECK enum bb_status bb_monitor_poll(struct bb_monitor *m, struct bb_monitor_reply *reply);

@@ -17,6 +17,7 @@
 #define MOST_TRIES 10
 #define MOST_TRIES_NO_ACK 3        /* a Null may pass, a missing acknowledge seldom does */
 #define I2C_BYTE_NS (90 * INT64_C(1000)) /* nine bits at 100 kHz */
+#define CAPABILITY_PARTS 9 /* of 32 bytes, and the one that ends it */
 #define BOOT_NS (2 * BB_NS_PER_S)
 #define RESTORE_NS BB_NS_PER_S
 #define MAINS_LOOK_NS (100 * MS)
@@ -193,6 +194,12 @@ static int64_t perform(struct sim_monitor *sm, int64_t at_ns)
 	case BB_MONITOR_SET:
 		r->status = write_value(sm, r->request.code, r->request.value, at_ns);
 		return r->request.value;
+	case BB_MONITOR_CAPABILITIES:
+		r->text_bytes = vcp_text(sm->model->shown, r->text, sizeof(r->text));
+		r->status = BB_OK;
+		return (int64_t)r->text_bytes;
+	case BB_MONITOR_SAVE: /* hal/monitor.c refuses it */
+		break;
 	}
 	return 0;
 }
@@ -236,6 +243,10 @@ static int64_t try_ns(const struct sim_monitor *sm)
 		return (6 + 12) * I2C_BYTE_NS + REPLY_WAIT_NS;
 	case BB_MONITOR_SET:
 		return 8 * I2C_BYTE_NS + WRITE_WAIT_NS;
+	case BB_MONITOR_CAPABILITIES:
+		return CAPABILITY_PARTS * ((7 + 39) * I2C_BYTE_NS + REPLY_WAIT_NS + WRITE_WAIT_NS);
+	case BB_MONITOR_SAVE:
+		break;
 	}
 	return 0;
 }
@@ -257,7 +268,8 @@ static enum bb_status sim_submit(struct bb_monitor *m, const struct bb_monitor_r
 
 	if (sm->stage != STAGE_IDLE)
 		return BB_ERR_BUSY;
-	if (request->kind != BB_MONITOR_EDID && request->kind != BB_MONITOR_GET && request->kind != BB_MONITOR_SET)
+	if (request->kind != BB_MONITOR_EDID && request->kind != BB_MONITOR_GET && request->kind != BB_MONITOR_SET &&
+	    request->kind != BB_MONITOR_CAPABILITIES)
 		return BB_ERR_USAGE;
 	memset(&sm->reply, 0, sizeof(sm->reply));
 	sm->reply.request = *request;

@@ -2,6 +2,8 @@
 #include "sim/vcp_model.h"
 
 #include <math.h>
+#include <stdio.h>
+#include <string.h>
 
 #define UNKNOWN 0xFFFF
 #define NOT_KEPT SIZE_MAX
@@ -138,6 +140,43 @@ void vcp_by_hand(struct vcp_state *v, uint8_t code, uint16_t value)
 	if (code == BB_VCP_LUMINANCE)
 		v->luminance = value;
 	v->new_control = 2;
+}
+
+static bool add(char *out, size_t cap, size_t *n, const char *text)
+{
+	const size_t more = strlen(text);
+
+	if (*n + more >= cap)
+		return false;
+	memcpy(out + *n, text, more + 1);
+	*n += more;
+	return true;
+}
+
+static bool add_code(char *out, size_t cap, size_t *n, const struct vcp *row)
+{
+	char hex[8];
+	bool good;
+
+	snprintf(hex, sizeof(hex), " %02X", row->code);
+	good = add(out, cap, n, hex);
+	for (size_t i = 0; good && i < sizeof(row->legal) && row->legal[i]; i++) {
+		snprintf(hex, sizeof(hex), "%c%02X", i ? ' ' : '(', row->legal[i]);
+		good = add(out, cap, n, hex);
+	}
+	return good && (!row->legal[0] || add(out, cap, n, ")"));
+}
+
+size_t vcp_text(const char *model, char *out, size_t cap)
+{
+	size_t n = 0;
+	bool good = add(out, cap, &n, "(prot(monitor)type(lcd)model(") && add(out, cap, &n, model) &&
+	            add(out, cap, &n, ")cmds(01 02 03 0C E3 F3)vcp(");
+
+	for (size_t i = 0; good && i < BB_ARRAY_LEN(vcps); i++)
+		good = add_code(out, cap, &n, &vcps[i]);
+	good = good && add(out, cap, &n, ")mccs_ver(2.2))");
+	return good ? n : 0;
 }
 
 double vcp_light(const struct vcp_state *v)

@@ -26,6 +26,8 @@ BB_MUST_CHECK enum bb_status vcp_get(const struct vcp_state *v, uint8_t code, ui
 BB_MUST_CHECK enum bb_status vcp_set(struct vcp_state *v, uint8_t code, uint16_t value);
 /* At the monitor's own buttons: tells the host by code 02. Only for input and luminance. */
 void vcp_by_hand(struct vcp_state *v, uint8_t code, uint16_t value);
+/* The capabilities string: every code above with its legal values. Returns its length; 0 when cap is too small. */
+size_t vcp_text(const char *model, char *out, size_t cap);
 /* Share of the peak luminance that the settings leave. */
 double vcp_light(const struct vcp_state *v);
 

@@ -1,20 +1,38 @@
 /* tests/contract_monitor.c: what every monitor back end must do, and what the simulated one does besides. */
 #include "tests/sim_rig.h"
 
+#include "drivers/monitor_ddc.h"
+#include "sim/bus_sim_i2c.h"
 #include "sim/edid_model.h"
 #include "sim/sim_monitor.h"
 
 #include <math.h>
 
+struct bench {
+	struct rig *rig;
+	struct bb_monitor *m;
+	const struct backend *backend;
+	struct peer_ddcci *peer;
+};
+
+/* A back end that is more than one thing opens itself; light is what a meter in front of the screen reads. */
+static struct bb_monitor *open_ddc(struct bench *t);
+static struct bb_monitor *open_quirky_ddc(struct bench *t);
+static void close_ddc(struct bench *t);
+static double ddc_light(struct bench *t);
+
 static const struct backend {
 	const char *name;
 	const struct bb_monitor_driver *driver;
 	int fidelity;
-} backends[] = { { "sim, fidelity 0", &sim_monitor_driver, 0 }, { "sim, fidelity 1", &sim_monitor_driver, 1 } };
-
-struct bench {
-	struct rig *rig;
-	struct bb_monitor *m;
+	struct bb_monitor *(*open)(struct bench *t);
+	void (*close)(struct bench *t);
+	double (*light)(struct bench *t);
+} backends[] = {
+	{ "sim, fidelity 0", &sim_monitor_driver, 0, NULL, NULL, NULL },
+	{ "sim, fidelity 1", &sim_monitor_driver, 1, NULL, NULL, NULL },
+	{ "ddc, a display in process", NULL, 1, open_ddc, close_ddc, ddc_light },
+	{ "ddc, a display with quirks", NULL, 1, open_quirky_ddc, close_ddc, ddc_light },
 };
 
 static struct bb_monitor_config config(void)
@@ -24,19 +42,65 @@ static struct bb_monitor_config config(void)
 		                           .input = 0x0F };
 }
 
+static struct bb_monitor *open_ddc(struct bench *t)
+{
+	const struct bb_monitor_config c = config();
+	struct bb_i2c_bus *bus;
+	struct bb_monitor *m;
+
+	assert_int_equal(peer_ddcci_create(&c, t->rig->world, t->rig->open.seed, rig_now(t->rig), &t->peer), BB_OK);
+	assert_int_equal(bus_sim_i2c_create(t->rig->clk, t->peer, NULL, &bus), BB_OK);
+	assert_int_equal(monitor_ddc_open_on(bus, &c, &t->rig->open, &m), BB_OK);
+	return m;
+}
+
+static struct bb_monitor *open_quirky_ddc(struct bench *t)
+{
+	struct bb_monitor *m = open_ddc(t);
+	struct peer_quirks *q = peer_ddcci_quirks(t->peer);
+
+	q->doubled_source = true;
+	q->null_for_unsupported = true;
+	q->busy_percent = 2;
+	q->think_ns = 60 * RIG_MS;
+	return m;
+}
+
+static void close_ddc(struct bench *t)
+{
+	bb_monitor_close(t->m);
+	peer_ddcci_destroy(t->peer);
+}
+
+static double ddc_light(struct bench *t)
+{
+	return peer_ddcci_luminance(t->peer, rig_now(t->rig));
+}
+
 static struct bench begin(const struct backend *b, uint64_t seed)
 {
-	struct bench t = { rig_create(seed, b->fidelity), NULL };
+	struct bench t = { rig_create(seed, b->fidelity), NULL, b, NULL };
 	const struct bb_monitor_config c = config();
 
-	assert_int_equal(bb_monitor_open(b->driver, &c, &t.rig->open, &t.m), BB_OK);
+	if (b->open)
+		t.m = b->open(&t);
+	else
+		assert_int_equal(bb_monitor_open(b->driver, &c, &t.rig->open, &t.m), BB_OK);
 	return t;
 }
 
 static void end(struct bench *t)
 {
-	bb_monitor_close(t->m);
+	if (t->backend && t->backend->close)
+		t->backend->close(t);
+	else
+		bb_monitor_close(t->m);
 	rig_destroy(t->rig);
+}
+
+static double light(struct bench *t)
+{
+	return t->backend->light ? t->backend->light(t) : sim_monitor_luminance(t->m, rig_now(t->rig));
 }
 
 /* The longest any request may take: every try with its waits, its bytes and its back-off. */
@@ -145,6 +209,25 @@ static void ddc_power_off_is_refused(struct bench *t)
 	assert_int_equal(get(t, BB_VCP_POWER_MODE).current, 1);
 }
 
+static void capabilities_are_text(struct bench *t)
+{
+	const struct bb_monitor_reply r = ask(t, BB_MONITOR_CAPABILITIES, 0, 0);
+
+	assert_int_equal(r.status, BB_OK);
+	assert_true(r.text_bytes > 40 && r.text_bytes <= sizeof(r.text));
+	assert_memory_equal(r.text, "(prot(monitor)", 14);
+	assert_int_equal(r.text[r.text_bytes - 1], ')');
+}
+
+static void saving_is_refused(struct bench *t)
+{
+	const struct bb_monitor_request save = { BB_MONITOR_SAVE, 0, 0 };
+	const struct bb_monitor_request store = { BB_MONITOR_SET, BB_VCP_SETTINGS, 1 };
+
+	assert_int_equal(bb_monitor_submit(t->m, &save), BB_ERR_REFUSED);
+	assert_int_equal(bb_monitor_submit(t->m, &store), BB_ERR_REFUSED);
+}
+
 static void waits_are_kept(struct bench *t)
 {
 	const struct bb_monitor_limits *l = bb_monitor_limits(t->m);
@@ -170,6 +253,8 @@ CONTRACT(writes_are_read_back)
 CONTRACT(unknown_codes_are_unsupported)
 CONTRACT(one_request_at_a_time)
 CONTRACT(ddc_power_off_is_refused)
+CONTRACT(capabilities_are_text)
+CONTRACT(saving_is_refused)
 CONTRACT(waits_are_kept)
 
 static void test_sim_every_value(void **state)
@@ -303,7 +388,7 @@ static void check_asleep(struct bench *t)
 	assert_int_equal(r.tries, bb_monitor_limits(t->m)->most_tries);
 	assert_int_equal(set(t, BB_VCP_LUMINANCE, 1), BB_ERR_BUSY);
 	assert_int_equal(ask(t, BB_MONITOR_EDID, 0, 0).status, BB_OK);
-	assert_true(sim_monitor_luminance(t->m, rig_now(t->rig)) <= 0);
+	assert_true(light(t) <= 0);
 }
 
 static void check_gone(struct bench *t, bool edid)
@@ -317,7 +402,7 @@ static void check_awake(struct bench *t)
 	rig_pass(t->rig, 2 * RIG_S);
 	assert_int_equal(get(t, BB_VCP_LUMINANCE).status, BB_OK);
 	assert_int_equal(ask(t, BB_MONITOR_EDID, 0, 0).status, BB_OK);
-	assert_true(sim_monitor_luminance(t->m, rig_now(t->rig)) > 1);
+	assert_true(light(t) > 1);
 }
 
 static void sleeps_and_wakes(struct bench *t)
@@ -475,6 +560,8 @@ int main(void)
 		cmocka_unit_test(test_unknown_codes_are_unsupported),
 		cmocka_unit_test(test_one_request_at_a_time),
 		cmocka_unit_test(test_ddc_power_off_is_refused),
+		cmocka_unit_test(test_capabilities_are_text),
+		cmocka_unit_test(test_saving_is_refused),
 		cmocka_unit_test(test_waits_are_kept),
 		cmocka_unit_test(test_sim_every_value),
 		cmocka_unit_test(test_sim_restore),
