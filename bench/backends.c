@@ -3,12 +3,14 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "drivers/power_modbus.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
 	/* first: a room without wires must never touch hardware */
 	{ "sim", "models in this process", &sim_shutter_driver, &sim_camera_driver, &sim_display_driver,
 	  &sim_monitor_driver, &sim_power_driver, &sim_gamepad_driver, &sim_link_driver },
+	{ .scheme = "modbus", .help = "power strips on Modbus TCP and RTU", .power = &power_modbus_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)
