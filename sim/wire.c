@@ -53,10 +53,11 @@ struct sim_wire {
 	struct endpoint ends[SIM_WIRE_ENDPOINTS_MAX];
 	size_t n_sessions, n_ptys;
 	struct session *sessions[SIM_WIRE_SESSIONS_MAX + SIM_WIRE_ENDPOINTS_MAX];
-	int watched_fd;
+	size_t n_watched;
+	int watched[SIM_WIRE_WATCHED_MAX];
 	uint64_t n_refused;
 	size_t n_polled;
-	struct pollfd polled[2 * SIM_WIRE_ENDPOINTS_MAX + SIM_WIRE_SESSIONS_MAX + 1];
+	struct pollfd polled[2 * SIM_WIRE_ENDPOINTS_MAX + SIM_WIRE_SESSIONS_MAX + SIM_WIRE_WATCHED_MAX];
 };
 
 enum bb_status sim_wire_create(struct bb_clock *clk, struct sim_wire **out)
@@ -68,7 +69,6 @@ enum bb_status sim_wire_create(struct bb_clock *clk, struct sim_wire **out)
 	if (!*out)
 		return BB_ERR_NOMEM;
 	(*out)->clk = clk;
-	(*out)->watched_fd = -1;
 	return BB_OK;
 }
 
@@ -386,18 +386,22 @@ static void accept_all(struct sim_wire *w, const struct endpoint *end)
 
 /* ---- the loop ---- */
 
-void sim_wire_watch(struct sim_wire *w, int fd)
+bool sim_wire_watch(struct sim_wire *w, int fd)
 {
-	w->watched_fd = fd;
+	if (w->n_watched == SIM_WIRE_WATCHED_MAX)
+		return false;
+	w->watched[w->n_watched++] = fd;
+	return true;
 }
 
-/* Order of the polled files: the watched one, listeners by endpoint, sessions. */
+/* Order of the polled files: watched ones, listeners by endpoint, sessions. */
 static int64_t prepare(struct sim_wire *w)
 {
 	int64_t wake_ns = BB_NEVER;
 	size_t n = 0;
 
-	w->polled[n++] = (struct pollfd){ w->watched_fd, POLLIN, 0 };
+	for (size_t i = 0; i < w->n_watched; i++)
+		w->polled[n++] = (struct pollfd){ w->watched[i], POLLIN, 0 };
 	for (size_t i = 0; i < w->n_ends; i++)
 		w->polled[n++] = (struct pollfd){ w->ends[i].fd, POLLIN, 0 };
 	for (size_t i = 0; i < w->n_sessions; i++) {
@@ -423,21 +427,24 @@ bool sim_wire_wait(struct sim_wire *w, int64_t most_ns)
 	if (ppoll(w->polled, w->n_polled, &t, NULL) < 0)
 		for (size_t i = 0; i < w->n_polled; i++)
 			w->polled[i].revents = 0;
-	return w->polled[0].revents != 0;
+	for (size_t i = 0; i < w->n_watched; i++)
+		if (w->polled[i].revents)
+			return true;
+	return false;
 }
 
 void sim_wire_serve(struct sim_wire *w)
 {
-	const size_t n_ends = w->n_ends;
+	const size_t n_ends = w->n_ends, first = w->n_watched + n_ends;
 
-	if (w->n_polled < 1 + n_ends)
+	if (w->n_polled < first)
 		return;
 	/* Sessions first and from the end: ending one moves the last into its place. New ones were not polled yet. */
-	for (size_t i = w->n_polled - 1 - n_ends; i-- > 0;)
-		if (i < w->n_sessions && !session_lives(w, w->sessions[i], w->polled[1 + n_ends + i].revents))
+	for (size_t i = w->n_polled - first; i-- > 0;)
+		if (i < w->n_sessions && !session_lives(w, w->sessions[i], w->polled[first + i].revents))
 			end_session(w, i);
 	for (size_t i = 0; i < n_ends; i++)
-		if (w->polled[1 + i].revents & POLLIN)
+		if (w->polled[w->n_watched + i].revents & POLLIN)
 			accept_all(w, &w->ends[i]);
 	w->n_polled = 0;
 }

@@ -14,6 +14,7 @@
 #define SIM_WIRE_SAY_MAX 320        /* bytes of one say */
 #define SIM_WIRE_QUEUE 16           /* sayings under way in one session */
 #define SIM_WIRE_TOKEN_MOST 256
+#define SIM_WIRE_WATCHED_MAX 16
 
 struct sim_wire;
 struct sim_wire_line;               /* one session's way out */
@@ -44,9 +45,9 @@ BB_MUST_CHECK enum bb_status sim_wire_tcp(struct sim_wire *w, const struct sim_w
 BB_MUST_CHECK enum bb_status sim_wire_pty(struct sim_wire *w, const struct sim_wire_protocol *protocol, void *peer,
                                           char *path_out, size_t cap, struct bb_error *err);
 
-/* An open file that ends the wait when it becomes readable (a signalfd, a pipe). */
-void sim_wire_watch(struct sim_wire *w, int fd);
-/* Waits until something is to be done, most_ns at most; touches no peer. true: the watched file is readable. */
+/* An open file that ends the wait when it becomes readable: a signalfd, another wire's socket. false: too many. */
+bool sim_wire_watch(struct sim_wire *w, int fd);
+/* Waits until something is to be done, most_ns at most; touches no peer. true: a watched file is readable. */
 bool sim_wire_wait(struct sim_wire *w, int64_t most_ns);
 /* Does it: accepts, reads, answers, hangs up. */
 void sim_wire_serve(struct sim_wire *w);
