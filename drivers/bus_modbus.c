@@ -17,7 +17,7 @@
 
 #define LATE_MOST 3
 #define QUIET_NS (50 * INT64_C(1000000)) /* a serial line is drained when it has said nothing for so long */
-#define DRAIN_MOST 4096
+#define DRAIN_NS (100 * INT64_C(1000000))
 
 struct bus_modbus {
 	struct bus_modbus_config config;
@@ -140,18 +140,16 @@ static enum bb_status broken(struct bus_modbus *b, enum bb_status status, const 
 	return status;
 }
 
-/* Reads and forgets until nothing comes any more: what a serial line still says belongs to no request of ours. */
+/* Reads and forgets until nothing comes any more, or for long enough: what a serial line still says belongs to no request of ours. */
 static void drain(struct bus_modbus *b)
 {
 	uint8_t junk[256];
 	struct pollfd p = { modbus_get_socket(b->ctx), POLLIN, 0 };
+	const int64_t end_ns = bb_clock_now_ns(b->clk) + DRAIN_NS;
 
-	for (size_t n = 0; n < DRAIN_MOST && poll(&p, 1, (int)(QUIET_NS / 1000000)) > 0;) {
-		const ssize_t got = read(p.fd, junk, sizeof(junk));
-		if (got <= 0)
+	while (bb_clock_now_ns(b->clk) < end_ns && poll(&p, 1, (int)(QUIET_NS / 1000000)) > 0)
+		if (read(p.fd, junk, sizeof(junk)) <= 0)
 			break;
-		n += (size_t)got;
-	}
 	modbus_flush(b->ctx);
 }
 

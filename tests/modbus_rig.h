@@ -29,7 +29,7 @@ struct modbus_rig {
 	pthread_mutex_t lock;
 	bool stop;
 	char path[96];           /* "tcp://127.0.0.1:40123" or "rtu:/dev/pts/7" */
-	char device[160];
+	char device[256];
 	struct bb_uri uri;
 	struct bb_open open;
 };
