@@ -90,9 +90,14 @@ check:
 	@$(MAKE) --no-print-directory deps
 	@$(MAKE) --no-print-directory data
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
-	@BB_PROGRAM=$(PROGRAM) tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
+	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS)
+tests: $(TESTS) $B/tests/hw_room
+
+# The contracts against the devices of a room: make check-hw ROOM=my-room.yaml [SWITCH="pdu1/3 pdu2/1"]
+ROOM ?= rooms/standin.yaml
+check-hw: $B/tests/hw_room
+	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
 # Every header compiles on its own.
 hdr-check: $(HDR:%.h=$B/%.hco)
@@ -118,6 +123,6 @@ clean:
 help:
 	@sed -n '2,6p' Makefile | cut -c3-
 
-.PHONY: all deps data run run-room check tests hdr-check layer-check lint bench format clean help
+.PHONY: all deps data run run-room check check-hw tests hdr-check layer-check lint bench format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d

@@ -256,6 +256,24 @@ bool sim_wire_say(struct sim_wire_line *line, const uint8_t *bytes, size_t n, in
 	return true;
 }
 
+struct sim_wire_line *sim_wire_line_create(void)
+{
+	return calloc(1, sizeof(struct sim_wire_line));
+}
+
+size_t sim_wire_line_next(struct sim_wire_line *line, uint8_t *out, size_t cap)
+{
+	const struct saying *s = &line->queue[line->first];
+
+	if (!line->n)
+		return 0;
+	const size_t n = s->n < cap ? s->n : cap;
+	memcpy(out, s->bytes, n);
+	line->first = (line->first + 1) % SIM_WIRE_QUEUE;
+	line->n--;
+	return n;
+}
+
 /* When the next byte leaves: never, if nothing is to be said. Sayings keep their order. */
 static int64_t next_byte_ns(const struct sim_wire_line *line)
 {

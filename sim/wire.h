@@ -57,6 +57,11 @@ uint64_t sim_wire_refused(const struct sim_wire *w); /* sessions turned away or 
 /* Copies the bytes; they leave at at_ns, all at once (gap_ns 0) or one by one. false: too many, hang up. */
 bool sim_wire_say(struct sim_wire_line *line, const uint8_t *bytes, size_t n, int64_t at_ns, int64_t gap_ns);
 
+/* A way out without a wire, for who tests a protocol by itself (free it with free), and its oldest saying: how many of
+ * its bytes were copied, 0 when nothing was said. */
+struct sim_wire_line *sim_wire_line_create(void);
+size_t sim_wire_line_next(struct sim_wire_line *line, uint8_t *out, size_t cap);
+
 /* Is it an address of this machine alone? false also for what is no address. */
 bool sim_wire_loopback(const char *address);
 
