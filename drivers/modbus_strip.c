@@ -23,7 +23,7 @@ void modbus_strip_init(struct modbus_strip *s, const struct bb_power_config *con
 	s->pace.most_ns = map->timeout_most_ms * MS;
 	s->backoff.random = seed;
 	s->report.timeout_ns = s->pace.most_ns;
-	s->last_good_ns = bb_clock_now_ns(clk);
+	s->last_heard_ns = bb_clock_now_ns(clk);
 }
 
 static int64_t now(const struct modbus_strip *s)
@@ -70,7 +70,7 @@ static bool any_mismatch(const struct modbus_strip *s)
 
 static void good(struct modbus_strip *s)
 {
-	s->last_good_ns = now(s);
+	s->last_heard_ns = now(s);
 	if (++s->good_in_a_row < GOOD_TO_RECOVER || quarantined(s))
 		return;
 	s->backoff.tries = 0;
@@ -101,8 +101,14 @@ static void count_spoiled(struct modbus_strip *s, const char *why)
 
 static void timed_out(struct modbus_strip *s, int64_t waited_ns)
 {
-	const int64_t silent_ns = now(s) - s->last_good_ns;
+	const int64_t silent_ns = now(s) - s->last_heard_ns;
+	const unsigned n_late = bus_modbus_note(s->bus)->n_late;
 
+	if (n_late) {
+		notice(s, POWER_MODBUS_SKEW, BB_HEALTH_DEGRADED, "%u late replies, none in time", n_late);
+		s->next_poll_ns = now(s);
+		return;
+	}
 	if (silent_ns < s->map->half_open_ms * MS) {
 		notice(s, POWER_MODBUS_TIMEOUT, BB_HEALTH_DEGRADED, "no answer within %lld ms", (long long)(waited_ns / MS));
 		s->next_poll_ns = now(s);
@@ -139,6 +145,8 @@ static enum bb_status ask(struct modbus_strip *s, const struct modbus_request *r
 	const struct bus_modbus_note *note = bus_modbus_note(s->bus);
 
 	s->report.exchanges++;
+	if (note->n_late) /* too late is not silent */
+		s->last_heard_ns = now(s);
 	if (note->late_ns)
 		modbus_pace_add(&s->pace, note->late_ns);
 	if (status == BB_OK)
@@ -162,7 +170,7 @@ static enum bb_status ask(struct modbus_strip *s, const struct modbus_request *r
 
 static void notice_exception(struct modbus_strip *s, const char *what, uint8_t code)
 {
-	s->last_good_ns = now(s); /* it answers */
+	s->last_heard_ns = now(s); /* it answers */
 	notice(s, POWER_MODBUS_EXCEPTION, BB_HEALTH_DEGRADED, "%s: exception %02X", what, code);
 }
 
@@ -224,7 +232,7 @@ static void connect(struct modbus_strip *s)
 	}
 	s->report.connects++;
 	s->identified = false;
-	s->last_good_ns = now(s);
+	s->last_heard_ns = now(s);
 	s->next_poll_ns = now(s);
 	s->report.health = s->report.fault == POWER_MODBUS_FINE ? BB_HEALTH_INIT : BB_HEALTH_RECOVERING;
 }

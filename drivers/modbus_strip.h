@@ -29,7 +29,7 @@ struct modbus_strip {
 	struct modbus_strip_outlet outlet[BB_OUTLETS_MAX]; /* index counts config->outlet */
 	struct power_modbus_report report;
 	bool identified, no_meter;
-	int64_t next_try_ns, next_poll_ns, last_good_ns, stagger_until_ns;
+	int64_t next_try_ns, next_poll_ns, last_heard_ns, stagger_until_ns;
 	unsigned good_in_a_row;
 	size_t n_spoiled;
 	int64_t spoiled_ns[POWER_MODBUS_SPOILED_MOST];

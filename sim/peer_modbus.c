@@ -201,9 +201,10 @@ static size_t write_many(struct job *j, bool words)
 		if (word_at(j->pdu + 6 + 2 * i) > 1)
 			return exception(j, MODBUS_EX_VALUE);
 	j->p->n_writes++;
-	for (unsigned i = 0; i < count; i++)
-		peer_modbus_switch(j->p, address - MODBUS_MAP_OUTLETS + i + 1,
-		                   words ? word_at(j->pdu + 6 + 2 * i) : j->pdu[6 + i / 8] >> i % 8 & 1, j->now_ns);
+	for (unsigned i = 0; i < count; i++) {
+		const bool on = words ? word_at(j->pdu + 6 + 2 * i) != 0 : (j->pdu[6 + i / 8] >> i % 8 & 1) != 0;
+		peer_modbus_switch(j->p, address - MODBUS_MAP_OUTLETS + i + 1, on, j->now_ns);
+	}
 	memcpy(j->out, j->pdu, 5);
 	return 5;
 }

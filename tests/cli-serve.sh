@@ -158,6 +158,13 @@ assert s.recv(300) == b"" and time.time() - begin < 5'
 check "with a wrong token: hung up" client 's = connect(); s.sendall(b"0" * 32 + b"\n"); assert s.recv(300) == b""'
 check "with the token: served" client 's = connect(); s.sendall(b"'$token'\n"); assert good(s)'
 stop
+# Beyond loopback, in a network of its own that has no way out.
+if unshare -n true 2>/dev/null; then
+	unshare -n "$program" serve rooms/cabin.yaml --bind 0.0.0.0 --token-file "$work/token" --for 0.1 >"$work/out" 2>"$work/err"
+	check "with a token another address is served" sh -c "[ $? = 0 ] && grep -q '0.0.0.0:1502' '$work/out'"
+else
+	echo "SKIP: no network namespace can be made here: nothing is bound beyond loopback"
+fi
 "$program" serve rooms/desk.yaml --for 0.1 >"$work/out" 2>"$work/err"
 check "a room without anything to serve says so" sh -c "[ $? = 2 ] && grep -q '^BB1573: ' '$work/err'"
 finish
