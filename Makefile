@@ -13,7 +13,7 @@ VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
 PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
-PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev
+PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g
@@ -90,9 +90,14 @@ check:
 	@$(MAKE) --no-print-directory deps
 	@$(MAKE) --no-print-directory data
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
-	@BB_PROGRAM=$(PROGRAM) tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
+	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS)
+tests: $(TESTS) $B/tests/hw_room
+
+# The contracts against the devices of a room: make check-hw ROOM=my-room.yaml [SWITCH="pdu1/3 pdu2/1"]
+ROOM ?= rooms/standin.yaml
+check-hw: $B/tests/hw_room
+	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
 # What runs threads: the reference caster and the brick reader. (make SAN=thread check-threads)
 THREADED := $B/tests/test_reference $B/tests/test_stream
@@ -123,6 +128,10 @@ clean:
 help:
 	@sed -n '2,6p' Makefile | cut -c3-
 
+<<<<<<< HEAD
 .PHONY: all deps data run run-room check check-threads tests hdr-check layer-check lint bench format clean help
+=======
+.PHONY: all deps data run run-room check check-hw tests hdr-check layer-check lint bench format clean help
+>>>>>>> d-modbus
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d

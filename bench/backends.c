@@ -10,6 +10,7 @@
 #include "drivers/gamepad_hid.h"
 #include "drivers/gamepad_xusb.h"
 #include "drivers/monitor_ddc.h"
+#include "drivers/power_modbus.h"
 #include "sim/sim.h"
 
 static const struct bb_backend backends[] = {
@@ -28,6 +29,7 @@ static const struct bb_backend backends[] = {
 	/* last: any pad the kernel drives, but changes only and no battery */
 	{ .scheme = "evdev", .help = "the kernel's input events, SDL mappings", .gamepad = &bb_gamepad_evdev_driver },
 	{ "i2c", "a monitor's DDC wires on Linux i2c-dev", .monitor = &monitor_ddc_driver },
+	{ .scheme = "modbus", .help = "power strips on Modbus TCP and RTU", .power = &power_modbus_driver },
 };
 
 const struct bb_backend *bb_backend(size_t i)

@@ -1,39 +1,130 @@
-/* tests/contract_power.c: what every power back end must do, and what the simulated one does besides. */
+/* tests/contract_power.c: the power contract over every back end, and what the simulated one does besides. */
+#include "tests/modbus_rig.h"
+#include "tests/power_contract.h"
 #include "tests/sim_rig.h"
 
 #include "sim/sim_power.h"
 
 #include <math.h>
 
-static const struct backend {
-	const char *name;
-	const struct bb_power_driver *driver;
-	int fidelity;
-} backends[] = { { "sim, fidelity 0", &sim_power_driver, 0 }, { "sim, fidelity 1", &sim_power_driver, 1 } };
-
-static struct bb_power_config config(void)
+/* Safety times as of a room; a wire waits for them in real time, so there they are 600 times shorter. */
+static struct bb_power_config config_scaled(double scale)
 {
 	return (struct bb_power_config){
 		.id = "pdu1",
 		.n_outlets = 2,
 		.outlet = { { 1, "front-a", 2.0, 12.0, 80 }, { 4, "front-b", 0.5, 0.5, 0 } },
-		.safety = { .outlet_least_off_s = 180, .outlet_least_on_s = 60, .outlet_cycles_per_hour = 4,
-		            .outlet_stagger_ms = 500 },
+		.safety = { .outlet_least_off_s = 180 * scale, .outlet_least_on_s = 60 * scale,
+		            .outlet_cycles_per_hour = 4, .outlet_stagger_ms = 500 * scale },
 	};
 }
+
+static struct bb_power_config config(void)
+{
+	return config_scaled(1);
+}
+
+struct backend {
+	const char *name;
+	void (*open)(const struct backend *b, struct power_bench *t);
+	void (*close)(struct power_bench *t);
+	int fidelity;
+	double scale, early;
+};
+
+static void open_sim(const struct backend *b, struct power_bench *t)
+{
+	struct rig *rig = rig_create(7, b->fidelity);
+
+	t->impl = rig;
+	t->clk = rig->clk;
+	assert_int_equal(bb_power_open(&sim_power_driver, t->config, &rig->open, &t->p), BB_OK);
+}
+
+static void close_sim(struct power_bench *t)
+{
+	bb_power_close(t->p);
+	rig_destroy(t->impl);
+}
+
+static void open_wire(struct power_bench *t, bool rtu)
+{
+	struct modbus_rig *wire = modbus_rig_create(t->config, rtu);
+
+	t->impl = wire;
+	t->clk = wire->clk;
+	assert_int_equal(modbus_rig_open(wire, t->config, "&timeout_most_ms=200&poll_ms=50&relay_ms=30", &t->p), BB_OK);
+	t->age_ns = bb_power_limits(t->p)->settle_ns;
+}
+
+static void open_tcp(const struct backend *b, struct power_bench *t)
+{
+	(void)b;
+	open_wire(t, false);
+}
+
+static void open_rtu(const struct backend *b, struct power_bench *t)
+{
+	(void)b;
+	open_wire(t, true);
+}
+
+static void close_wire(struct power_bench *t)
+{
+	bb_power_close(t->p);
+	modbus_rig_destroy(t->impl);
+}
+
+static const struct backend backends[] = {
+	{ "sim, fidelity 0", open_sim, close_sim, 0, 1, 179.0 / 180 },
+	{ "sim, fidelity 1", open_sim, close_sim, 1, 1, 179.0 / 180 },
+	{ "driver and peer, Modbus TCP on loopback", open_tcp, close_wire, 1, 1.0 / 600, 0.5 },
+	{ "driver and peer, Modbus RTU on a pty", open_rtu, close_wire, 1, 1.0 / 600, 0.5 },
+};
+
+static void for_all(void (*check)(struct power_bench *))
+{
+	for (size_t i = 0; i < BB_ARRAY_LEN(backends); i++) {
+		const struct bb_power_config c = config_scaled(backends[i].scale);
+		struct power_bench t = { .config = &c, .early = backends[i].early };
+		print_message("%s\n", backends[i].name);
+		backends[i].open(&backends[i], &t);
+		check(&t);
+		backends[i].close(&t);
+	}
+}
+
+static void test_switching(void **state)
+{
+	(void)state;
+	for_all(power_switching_is_read_back);
+}
+
+static void test_bad_calls(void **state)
+{
+	(void)state;
+	for_all(power_bad_calls_are_refused);
+}
+
+static void test_times(void **state)
+{
+	(void)state;
+	for_all(power_times_are_kept);
+}
+
+/* ---- the simulated one ---- */
 
 struct bench {
 	struct rig *rig;
 	struct bb_power *p;
 };
 
-static struct bench begin(const struct backend *b)
+static struct bench begin(void)
 {
-	struct bench t = { rig_create(7, b->fidelity), NULL };
+	struct bench t = { rig_create(7, 1), NULL };
 	const struct bb_power_config c = config();
 
-	print_message("%s\n", b->name);
-	assert_int_equal(bb_power_open(b->driver, &c, &t.rig->open, &t.p), BB_OK);
+	assert_int_equal(bb_power_open(&sim_power_driver, &c, &t.rig->open, &t.p), BB_OK);
 	return t;
 }
 
@@ -50,81 +141,6 @@ static struct bb_outlet_state settled(struct bench *t, size_t index)
 	rig_pass(t->rig, bb_power_limits(t->p)->settle_ns);
 	assert_int_equal(bb_power_read(t->p, index, &s), BB_OK);
 	return s;
-}
-
-static void switching_is_read_back(struct bench *t)
-{
-	struct bb_outlet_state s = settled(t, 0);
-
-	if (!s.closed)
-		assert_int_equal(bb_power_set(t->p, 0, true), BB_OK);
-	rig_pass(t->rig, 61 * RIG_S);
-	assert_int_equal(bb_power_set(t->p, 0, false), BB_OK);
-	s = settled(t, 0);
-	assert_true(s.known && !s.closed && !s.commanded);
-	assert_true(s.current_a <= bb_power_limits(t->p)->current_error_a);
-	rig_pass(t->rig, 181 * RIG_S);
-	assert_int_equal(bb_power_set(t->p, 0, true), BB_OK);
-	s = settled(t, 0);
-	assert_true(s.known && s.closed && s.commanded);
-	rig_pass(t->rig, RIG_S);
-	s = settled(t, 0);
-	assert_true(fabs(s.current_a - config().outlet[0].load_a) <= bb_power_limits(t->p)->current_error_a);
-	assert_int_equal(s.at_ns, rig_now(t->rig));
-}
-
-static void bad_calls_are_refused(struct bench *t)
-{
-	struct bb_outlet_state s;
-
-	assert_int_equal(bb_power_set(t->p, 2, true), BB_ERR_USAGE);
-	assert_int_equal(bb_power_read(t->p, 2, &s), BB_ERR_USAGE);
-	assert_false(s.known);
-	assert_int_equal(bb_power_read(t->p, 0, NULL), BB_ERR_USAGE);
-	bb_power_close(NULL);
-}
-
-static void times_are_kept(struct bench *t)
-{
-	rig_pass(t->rig, 100 * RIG_S);
-	assert_int_equal(bb_power_set(t->p, 0, false), BB_OK);
-	rig_pass(t->rig, 179 * RIG_S);
-	assert_int_equal(bb_power_set(t->p, 0, true), BB_ERR_REFUSED);
-	assert_non_null(strstr(bb_power_device(t->p)->last_error.detail, "least off time"));
-	const int64_t wait_ns = bb_power_wait_ns(t->p, 0, true);
-	assert_true(wait_ns > 0 && wait_ns <= RIG_S + bb_power_limits(t->p)->settle_ns);
-	rig_pass(t->rig, wait_ns);
-	assert_int_equal(bb_power_set(t->p, 0, true), BB_OK);
-	rig_pass(t->rig, 59 * RIG_S);
-	assert_int_equal(bb_power_set(t->p, 0, false), BB_ERR_REFUSED);
-	assert_non_null(strstr(bb_power_device(t->p)->last_error.detail, "least on time"));
-}
-
-static void for_all(void (*check)(struct bench *))
-{
-	for (size_t i = 0; i < BB_ARRAY_LEN(backends); i++) {
-		struct bench t = begin(&backends[i]);
-		check(&t);
-		end(&t);
-	}
-}
-
-static void test_switching(void **state)
-{
-	(void)state;
-	for_all(switching_is_read_back);
-}
-
-static void test_bad_calls(void **state)
-{
-	(void)state;
-	for_all(bad_calls_are_refused);
-}
-
-static void test_times(void **state)
-{
-	(void)state;
-	for_all(times_are_kept);
 }
 
 static void test_no_ceilings_no_strip(void **state)
@@ -146,7 +162,7 @@ static void test_no_ceilings_no_strip(void **state)
 static void test_sim_inrush_and_settle(void **state)
 {
 	(void)state;
-	struct bench t = begin(&backends[1]);
+	struct bench t = begin();
 	struct bb_outlet_state s;
 
 	assert_int_equal(bb_power_set(t.p, 0, false), BB_OK);
@@ -170,7 +186,7 @@ static void test_sim_inrush_and_settle(void **state)
 static void test_sim_stick(void **state)
 {
 	(void)state;
-	struct bench t = begin(&backends[1]);
+	struct bench t = begin();
 	struct bb_outlet_state s;
 
 	assert_int_equal(rig_fault(t.rig, "power", "pdu1", "stick", "outlet=4", true), BB_OK);
@@ -191,7 +207,7 @@ static void test_sim_stick(void **state)
 static void test_sim_timeout_and_drop(void **state)
 {
 	(void)state;
-	struct bench t = begin(&backends[1]);
+	struct bench t = begin();
 	struct bb_outlet_state s;
 
 	assert_int_equal(rig_fault(t.rig, "power", "pdu1", "timeout", "", true), BB_OK);
@@ -216,7 +232,7 @@ static void test_sim_timeout_and_drop(void **state)
 static void test_sim_verbs(void **state)
 {
 	(void)state;
-	struct bench t = begin(&backends[1]);
+	struct bench t = begin();
 
 	rig_check_verbs(t.rig, "power", "pdu1", sim_power_verbs);
 	rig_pass(t.rig, RIG_S); /* the relay has just closed: past its inrush */
