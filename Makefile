@@ -28,6 +28,8 @@ SRC     := $(filter-out sim/kmod/%,$(wildcard $(WINGS:%=%/*.c) $(WINGS:%=%/*/*.c
 LIB_SRC := $(filter-out bench/main.c,$(SRC))
 HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
+FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
+REPLAYS := $(FUZZ:%=$B/tests/replay_%)
 OBJ      = $(SRC:%.c=$B/%.o)
 
 export LSAN_OPTIONS := suppressions=$(CURDIR)/tests/lsan.supp:print_suppressions=0
@@ -90,9 +92,22 @@ check:
 	@$(MAKE) --no-print-directory deps
 	@$(MAKE) --no-print-directory data
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
-	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room tests/run.sh $(TESTS) $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
+	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room BB_REPLAY=$B/tests tests/run.sh $(TESTS) tests/fuzz/replay.sh $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS) $B/tests/hw_room
+tests: $(TESTS) $(REPLAYS) $B/tests/hw_room
+
+# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
+$B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
+	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
+
+FUZZ_S ?= 20
+fuzz:
+	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=fuzzer-no-link,address,undefined CFLAGS='-g1 -DBB_FUZZ' \
+		B=build/fuzz PROGRAM=build/fuzz/blackburst fuzz-programs
+	@tests/fuzz/run.sh $(FUZZ_S)
+fuzz-programs: $(FUZZ:%=$B/fuzz_%)
+$B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libblackburst.a
+	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer,address,undefined -o $@ $^ $(LDLIBS)
 
 # The contracts against the devices of a room: make check-hw ROOM=my-room.yaml [SWITCH="pdu1/3 pdu2/1"]
 ROOM ?= rooms/standin.yaml
@@ -128,10 +143,6 @@ clean:
 help:
 	@sed -n '2,6p' Makefile | cut -c3-
 
-<<<<<<< HEAD
-.PHONY: all deps data run run-room check check-threads tests hdr-check layer-check lint bench format clean help
-=======
-.PHONY: all deps data run run-room check check-hw tests hdr-check layer-check lint bench format clean help
->>>>>>> d-modbus
+.PHONY: all deps data run run-room check check-threads check-hw tests hdr-check layer-check lint bench fuzz fuzz-programs format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d

@@ -103,10 +103,10 @@ static void act(struct hostile *h, struct bb_shutter *sh, const uint8_t *d)
 		h->status = d[2] & 1 ? BB_ERR_LOST : d[2] & 2 ? BB_ERR_IO : BB_ERR_BUSY;
 		break;
 	case 2:
-		(void)bb_shutter_set_phase(sh, d[4] % 3 == 2 ? BB_STAGE_EMITTER : d[4] % 3, d[5] * INT64_C(10000), 1000000);
+		(void)!bb_shutter_set_phase(sh, d[4] % 3 == 2 ? BB_STAGE_EMITTER : d[4] % 3, d[5] * INT64_C(10000), 1000000);
 		break;
 	case 3:
-		(void)bb_shutter_set_mode(sh, d[4] & 1 ? BB_SHUTTER_STEREO : BB_SHUTTER_OPEN);
+		(void)!bb_shutter_set_mode(sh, d[4] & 1 ? BB_SHUTTER_STEREO : BB_SHUTTER_OPEN);
 		break;
 	case 4:
 		h->next.id = CO_SYNC;

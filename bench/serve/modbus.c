@@ -1,5 +1,5 @@
-/* bench/serve_modbus.c: power strips of a room on Modbus TCP, one port each, and with --pty on Modbus RTU. */
-#include "bench/serve.h"
+/* bench/serve/modbus.c: power strips of a room on Modbus TCP, one port each, and with --pty on Modbus RTU. */
+#include "bench/serve/serve.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /*
- * bench/cmd_serve.c: `blackburst serve ROOM`: the simulated devices of a room on wires that other programs can open.
+ * bench/cmd/serve.c: `blackburst serve ROOM`: the simulated devices of a room on wires that other programs can open.
  * Loopback only; another address needs a token that clients must know. Runs until a signal, or --for so long.
  */
 #include <errno.h>
@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "bench/serve.h"
+#include "bench/serve/serve.h"
 #include "hal/uri.h"
 #include "sim/faults.h"
 

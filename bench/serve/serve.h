@@ -1,5 +1,5 @@
 /*
- * bench/serve.h: what `serve` is made of: kinds of wire, each a row that puts the simulated devices of a room on its own
+ * bench/serve/serve.h: what `serve` is made of: kinds of wire, each a row that puts the simulated devices of a room on its own
  * wire. A row may use the poll loop of sim/wire.h (Modbus does), or bring open files of its own and a step function.
  * One thread, the posix clock.
  */
