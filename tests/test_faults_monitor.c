@@ -430,6 +430,33 @@ static void test_d9(void **state)
 
 /* ---- what the rows do not say ---- */
 
+static void test_health(void **state)
+{
+	(void)state;
+	struct ddc_health h = { 0 };
+
+	assert_true(ddc_health_good(&h, 0));
+	assert_int_equal(h.health, BB_HEALTH_OK);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_STANDBY, 1));
+	/* One more failed transfer does not hide what was found out; a graver one does. */
+	assert_false(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_DATA, 2));
+	assert_int_equal(h.fault, DDC_FAULT_STANDBY);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_LOST, DDC_FAULT_NAK, 3));
+	assert_false(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_NAK, 4));
+	assert_int_equal(h.health, BB_HEALTH_LOST);
+	/* Three good ones in a row, or half a second of them. */
+	ddc_health_good(&h, 10 * RIG_MS);
+	ddc_health_good(&h, 20 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_RECOVERING);
+	ddc_health_good(&h, 30 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_OK);
+	assert_int_equal(h.recovered_ns, 30 * RIG_MS);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_DATA, 40 * RIG_MS));
+	ddc_health_good(&h, 50 * RIG_MS);
+	ddc_health_good(&h, 550 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_OK);
+}
+
 static void test_quirks_histogram(void **state)
 {
 	(void)state;
@@ -589,6 +616,7 @@ int main(void)
 		cmocka_unit_test(test_capabilities),
 		cmocka_unit_test(test_bad_opens),
 		cmocka_unit_test(test_verbs),
+		cmocka_unit_test(test_health),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }
