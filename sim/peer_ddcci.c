@@ -44,6 +44,7 @@ struct peer_ddcci {
 	int64_t since_ns;   /* vcp.lit_ns is as of then */
 	int64_t ready_ns;   /* Null until then: booting or restoring */
 	int64_t quiet_ns;   /* drops messages until then */
+	int64_t hush_ns;      /* the standard's wait after a reply: counted, not enforced */
 	int64_t request_ns; /* end of the last request */
 	struct message reply, stale;
 };
@@ -230,6 +231,7 @@ static void take_request(struct peer_ddcci *p, const uint8_t *bytes, size_t n, i
 		p->counts.too_early++;
 		return;
 	}
+	p->counts.too_early += from_ns < p->hush_ns;
 	make_null(&p->reply);
 	p->request_ns = to_ns;
 	if (whole(bytes, n))
@@ -270,6 +272,7 @@ static void send_reply(struct peer_ddcci *p, uint8_t *bytes, size_t n, int64_t f
 		bytes[at++] = DDCCI_TO_DISPLAY;
 	for (size_t i = 0; at < n; i++) /* after its end nobody pulls the wire down */
 		bytes[at++] = i < m.n ? m.bytes[i] : p->fault[PEER_ZERO] ? 0 : 0xFF;
+	p->hush_ns = from_ns + DDCCI_WRITE_WAIT_NS;
 	if (ready) { /* a reply is sent once */
 		p->stale = p->reply;
 		make_null(&p->reply);
@@ -389,7 +392,7 @@ enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct 
 	p->world = world;
 	p->quirks.think_ns = THINK_NS;
 	p->since_ns = p->ready_ns = now_ns;
-	p->request_ns = p->quiet_ns = now_ns - DDCCI_WRITE_WAIT_NS;
+	p->request_ns = p->quiet_ns = p->hush_ns = now_ns - DDCCI_WRITE_WAIT_NS;
 	sim_rng_seed(&p->rng, seed, "monitor", config->id);
 	if (make_edid(p, &timing) != BB_OK) {
 		free(p);

@@ -47,7 +47,7 @@ enum peer_fault {               /* what test and verb tables switch */
 struct peer_counts {
 	uint64_t requests, writes, saves;
 	uint64_t writes_asleep; /* Sets that reached it dark, other than the one that wakes it */
-	uint64_t too_early;     /* messages inside a wait: dropped; replies read before 40 ms */
+	uint64_t too_early;     /* messages inside the wait after a Set (dropped) or a reply; replies read before 40 ms */
 	uint64_t damaged;       /* requests it could not read */
 };
 

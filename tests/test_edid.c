@@ -189,6 +189,12 @@ static void test_hostile_extensions(void **state)
 				if (tag != 2)
 					assert_int_equal(e.n_timings, 1); /* a DisplayID block is not read as CTA */
 			}
+	/* One good data block, and one whose length runs past the collection. */
+	memset(b + 128, 0, 128);
+	memcpy(b + 128, "\x02\x03\x0B\x80\x43\x10\x04\x01\x5F", 9);
+	seal(b + 128);
+	assert_int_equal(edid_parse(b, 256, &e), BB_OK);
+	assert_int_equal(e.extension[0].n_blocks, 1);
 	b[200] ^= 1;
 	assert_int_equal(edid_parse(b, 256, &e), BB_OK);
 	assert_false(e.extension[0].good);

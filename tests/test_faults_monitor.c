@@ -94,6 +94,19 @@ static double until(struct bench *t, enum bb_health health, enum ddc_fault fault
 	}
 }
 
+/* The same for a fault that does not last: until it was seen once. */
+static double until_seen(struct bench *t, enum ddc_fault fault, double most_ms)
+{
+	const int64_t start_ns = rig_now(t->rig);
+
+	while (!monitor_ddc_report(t->m)->health.count[fault]) {
+		rig_pass(t->rig, RIG_MS);
+		if ((double)(rig_now(t->rig) - start_ns) / 1e6 > most_ms)
+			fail_msg("after %.0f ms: no %s", most_ms, ddc_fault_text(fault));
+	}
+	return (double)(rig_now(t->rig) - start_ns) / 1e6;
+}
+
 static void check_named(struct bench *t, const char *name)
 {
 	const struct bb_last_error *e = &bb_monitor_device(t->m)->last_error;
@@ -198,9 +211,7 @@ static void test_d3(void **state)
 	rig_pass(t.rig, 100 * RIG_MS);
 	int64_t start_ns = rig_now(t.rig);
 	submit(&t, BB_MONITOR_GET, 0x59, 0);
-	while (!monitor_ddc_report(t.m)->health.count[DDC_FAULT_NULL])
-		rig_pass(t.rig, RIG_MS);
-	const double found_ms = (double)(rig_now(t.rig) - start_ns) / 1e6;
+	const double found_ms = until_seen(&t, DDC_FAULT_NULL, TRY_MS);
 	check_named(&t, "NULL 1");
 	struct bb_monitor_reply r = take(&t);
 	assert_int_equal(r.status, BB_ERR_UNSUPPORTED);
@@ -253,11 +264,8 @@ static void test_d5(void **state)
 	uint64_t tries = 0, n = 300;
 
 	inject(&t, "slow", true);
-	int64_t start_ns = rig_now(t.rig);
 	submit(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0);
-	while (!monitor_ddc_report(t.m)->health.count[DDC_FAULT_SLOW])
-		rig_pass(t.rig, RIG_MS);
-	const double found_ms = (double)(rig_now(t.rig) - start_ns) / 1e6;
+	const double found_ms = until_seen(&t, DDC_FAULT_SLOW, 1000);
 	check_named(&t, "DDC_SLOW");
 	struct bb_monitor_reply r = take(&t);
 	assert_int_equal(r.status, BB_OK);
@@ -422,6 +430,33 @@ static void test_d9(void **state)
 
 /* ---- what the rows do not say ---- */
 
+static void test_health(void **state)
+{
+	(void)state;
+	struct ddc_health h = { 0 };
+
+	assert_true(ddc_health_good(&h, 0));
+	assert_int_equal(h.health, BB_HEALTH_OK);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_STANDBY, 1));
+	/* One more failed transfer does not hide what was found out; a graver one does. */
+	assert_false(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_DATA, 2));
+	assert_int_equal(h.fault, DDC_FAULT_STANDBY);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_LOST, DDC_FAULT_NAK, 3));
+	assert_false(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_NAK, 4));
+	assert_int_equal(h.health, BB_HEALTH_LOST);
+	/* Three good ones in a row, or half a second of them. */
+	ddc_health_good(&h, 10 * RIG_MS);
+	ddc_health_good(&h, 20 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_RECOVERING);
+	ddc_health_good(&h, 30 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_OK);
+	assert_int_equal(h.recovered_ns, 30 * RIG_MS);
+	assert_true(ddc_health_bad(&h, BB_HEALTH_DEGRADED, DDC_FAULT_DATA, 40 * RIG_MS));
+	ddc_health_good(&h, 50 * RIG_MS);
+	ddc_health_good(&h, 550 * RIG_MS);
+	assert_int_equal(h.health, BB_HEALTH_OK);
+}
+
 static void test_quirks_histogram(void **state)
 {
 	(void)state;
@@ -581,6 +616,7 @@ int main(void)
 		cmocka_unit_test(test_capabilities),
 		cmocka_unit_test(test_bad_opens),
 		cmocka_unit_test(test_verbs),
+		cmocka_unit_test(test_health),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }
