@@ -29,7 +29,8 @@ void bb_co_sdo_init(struct bb_co_sdo *c, uint8_t node, int64_t wait_ns);
 void bb_co_sdo_start_read(struct bb_co_sdo *c, uint16_t index, uint8_t sub, int64_t now_ns);
 void bb_co_sdo_start_write(struct bb_co_sdo *c, uint16_t index, uint8_t sub, const uint8_t *bytes, size_t n,
                            int64_t now_ns);
-/* A frame with this node's reply id. BB_ERR_FORMAT: it is none, or nobody asked: often an answer to a repeated question. */
+/* A frame with this node's reply id. BB_ERR_FORMAT: it is none, or nobody asked: often an answer to a question that was
+ * repeated. */
 enum bb_status bb_co_sdo_receive(struct bb_co_sdo *c, const struct bb_can_frame *f, int64_t now_ns);
 /* Repeats a transfer that went unanswered, and gives up after three. */
 void bb_co_sdo_poll(struct bb_co_sdo *c, int64_t now_ns);

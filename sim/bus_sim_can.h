@@ -2,7 +2,8 @@
  * sim/bus_sim_can.h: one CAN medium in this process: the host's socket (a hal/bus.h bus) and any number of peers.
  *
  * Model. A frame takes its true length in bits, stuffing and CRC included, at the bit rate; of all that want to send
- * when the bus falls idle the lowest id wins, and those who say the very same say it at once; everybody else hears the frame at its end. A destroyed frame costs an error
+ * when the bus falls idle the lowest id wins, and those who say the very same say it at once; everybody else hears the
+ * frame at its end. A destroyed frame costs an error
  * frame, counts 8 in its sender and 1 in the others and is sent again; 128 is passive, 256 is off the bus, and coming
  * back takes 128 times 11 bits. The host's socket shows its own controller's states as error frames. Times are clock
  * ns. One thread, the owner's. The verbs are for bench/ and tests/ only.

@@ -165,10 +165,12 @@ static void sync_frame(struct sim_co_node *n, const struct bb_can_frame *f, int6
 
 void sim_co_send_sync(struct sim_co_node *n, int64_t at_ns)
 {
-	const uint8_t counter = n->overflow ? (uint8_t)(n->counter % n->overflow + 1) : 0;
+	uint8_t counter = 0;
 
 	if (n->dead || !has_id(n) || !(n->sync_cob & CO_SYNC_PRODUCER))
 		return;
+	if (n->overflow)
+		counter = (uint8_t)(n->counter % n->overflow + 1);
 	sim_co_send(n, n->sync_cob & 0x7ff, &counter, n->overflow ? 1 : 0);
 	heard_sync(n, counter, at_ns);
 }

@@ -58,8 +58,12 @@ static void upload(struct sim_co_node *n, const struct sim_co_object *o)
 	if (n->hooks->reading)
 		n->hooks->reading(n, o);
 	n->sdo.n = o->width ? o->width : *o->n;
-	for (uint32_t i = 0; i < n->sdo.n; i++)
-		n->sdo.bytes[i] = o->width ? (uint8_t)(*o->value >> (8 * i)) : o->bytes[i];
+	for (uint32_t i = 0; i < n->sdo.n; i++) {
+		if (o->width)
+			n->sdo.bytes[i] = (uint8_t)(*o->value >> (8 * i));
+		else
+			n->sdo.bytes[i] = o->bytes[i];
+	}
 	if (n->sdo.n >= 1 && n->sdo.n <= 4) {
 		answer(n, (uint8_t)(0x43 + (4 - n->sdo.n) * 4), n->sdo.bytes, n->sdo.n);
 		return;

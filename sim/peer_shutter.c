@@ -139,7 +139,8 @@ static void switch_eye(struct unit *u)
 		return;
 	}
 	const int64_t before_counter = (n + u->offset) % u->co.overflow; /* counter - 1 */
-	u->eye = (before_counter % 2 != 0) ^ (u->polarity != 0) ? BB_EYE_RIGHT : BB_EYE_LEFT;
+	const bool right = before_counter % 2 != 0;
+	u->eye = right != (u->polarity != 0) ? BB_EYE_RIGHT : BB_EYE_LEFT;
 	u->open = false;
 	u->edges++;
 	u->switched_ns = at_ns;
@@ -354,8 +355,8 @@ static void list_mapping(struct unit *u)
 	memcpy(u->map[0], phase, sizeof(phase));
 	memcpy(u->map[1], follow, sizeof(follow));
 	for (uint16_t k = 0; k < 2; k++)
-		for (uint8_t i = 0; i <= u->map[k][0]; i++)
-			number(u, (uint16_t)(CO_OD_TPDO1_MAP + k), i, SIM_CO_RO, i ? 4 : 1, &u->map[k][i], 0, UINT32_MAX);
+		for (uint32_t i = 0; i <= u->map[k][0]; i++)
+			number(u, (uint16_t)(CO_OD_TPDO1_MAP + k), (uint8_t)i, SIM_CO_RO, i ? 4 : 1, &u->map[k][i], 0, UINT32_MAX);
 }
 
 static void list_said(struct unit *u)
@@ -364,8 +365,8 @@ static void list_said(struct unit *u)
 
 	for (uint16_t k = 0; k < 2; k++) {
 		u->said[k][0] = u->map[k][0];
-		for (uint8_t i = 0; i <= u->map[k][0]; i++)
-			number(u, (uint16_t)(SHUT_OD_PHASE + k), i, SIM_CO_RO, width[k][i], &u->said[k][i], 0,
+		for (uint32_t i = 0; i <= u->map[k][0]; i++)
+			number(u, (uint16_t)(SHUT_OD_PHASE + k), (uint8_t)i, SIM_CO_RO, width[k][i], &u->said[k][i], 0,
 			       UINT32_MAX);
 	}
 }

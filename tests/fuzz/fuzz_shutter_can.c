@@ -1,7 +1,7 @@
 /*
  * tests/fuzz/fuzz_shutter_can.c: the whole driver against a hostile bus: any frames at any time, error frames and
- * failing calls included. Input: one byte (1: configured by polite controllers first), then records of 12 bytes: id low;
- * id high and kind; length or status; 100 us units to wait; 8 data bytes.
+ * failing calls included. Input: one byte (1: configured by polite controllers first), then records of 12 bytes: id
+ * low; id high and kind; length or status; 100 us units to wait; 8 data bytes.
  */
 #include "drivers/canopen_wire.h"
 #include "drivers/shutter_can.h"
