@@ -1,6 +1,8 @@
 /* drivers/bus_usb.c: see drivers/bus_usb.h. The only file that knows libusb. One event thread a bus; `lock` guards
  * everything the callbacks touch. */
+#ifndef _GNU_SOURCE
 #define _GNU_SOURCE /* pthread_clockjoin_np */
+#endif
 #include "drivers/bus_usb.h"
 
 #include <errno.h>
@@ -684,8 +686,10 @@ static bool joined(struct opening *o, int64_t deadline_ns)
 	const int64_t at_ns = bb_clock_stopwatch_ns() + deadline_ns - bb_clock_now_ns(o->clk);
 	const struct timespec t = { .tv_sec = at_ns / BB_NS_PER_S, .tv_nsec = at_ns % BB_NS_PER_S };
 
-	return pthread_tryjoin_np(o->thread, NULL) == 0 ||
-	       (deadline_ns > bb_clock_now_ns(o->clk) && pthread_clockjoin_np(o->thread, NULL, CLOCK_MONOTONIC, &t) == 0);
+	if (pthread_tryjoin_np(o->thread, NULL) == 0)
+		return true;
+	return deadline_ns > bb_clock_now_ns(o->clk) &&
+	       pthread_clockjoin_np(o->thread, NULL, CLOCK_MONOTONIC, &t) == 0;
 }
 
 static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,

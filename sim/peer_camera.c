@@ -25,6 +25,8 @@ struct peer_camera {
 	uint8_t threshold, exposure_high;
 	int64_t exposure_ns, offset_ns;
 	uint32_t firmware;
+	uint32_t counter, clock_us; /* added to the model's: they begin again with each power-up but the first */
+	bool restarted, sent;
 	struct reply reply[REPLIES];
 	size_t n_replies;
 	uint32_t stall, cut, damage, drop;
@@ -152,7 +154,15 @@ static size_t expose(struct peer_camera *p, const struct bb_camera_frame *f, uin
 
 static void encode(struct peer_camera *p, const struct bb_camera_frame *f)
 {
-	const uint32_t number = f->seq + p->options.counter;
+	const uint32_t model_us = (uint32_t)(f->mid_exposure.ns / 1000);
+
+	if (p->restarted) {
+		p->counter = 0u - f->seq;
+		p->clock_us = 20000u - model_us;
+		p->restarted = false;
+	}
+	p->sent = true;
+	const uint32_t number = f->seq + p->counter;
 	const uint8_t kind = p->options.stamped ? TRACKIR_KIND_STAMPED : TRACKIR_KIND_LONG;
 	uint8_t *out = p->out;
 	size_t n = 4;
@@ -163,7 +173,7 @@ static void encode(struct peer_camera *p, const struct bb_camera_frame *f)
 	out[3] = (uint8_t)(out[0] ^ out[1] ^ out[2] ^ TRACKIR_XOR);
 	if (p->options.stamped) {
 		put32(out + 4, number);
-		put32(out + 8, (uint32_t)(f->mid_exposure.ns / 1000) + p->options.clock_us);
+		put32(out + 8, model_us + p->clock_us);
 		put16(out + 12, (uint32_t)(f->arrived_ns / MS_NS) & 0x7FF);
 		put16(out + 14, 0);
 		n += TRACKIR_STAMP_BYTES;
@@ -380,6 +390,7 @@ static void dev_reset(struct sim_usb_device *dev)
 {
 	struct peer_camera *p = own(dev);
 
+	p->restarted = p->sent;
 	p->streaming = p->lamps = false;
 	p->threshold = 96;
 	p->n_replies = p->n_out = p->sent_out = 0;
@@ -419,6 +430,8 @@ enum bb_status peer_camera_create(struct bb_camera *model, const struct peer_cam
 		return BB_ERR_NOMEM;
 	p->model = model;
 	p->options = *options;
+	p->counter = options->counter;
+	p->clock_us = options->clock_us;
 	p->loaded = !options->no_firmware;
 	p->usb = (struct sim_usb_device){ .ops = &ops,
 		                          .speed = SIM_USB_HIGH,

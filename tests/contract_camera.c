@@ -44,7 +44,8 @@ static const struct backend backends[] = {
 	{ "camera: sim, fidelity 0", &sim_camera_driver, 0, NULL, NULL, NULL },
 	{ "camera: sim, fidelity 1", &sim_camera_driver, 1, NULL, NULL, NULL },
 	{ "camera: sim, fidelity 2", &sim_camera_driver, 2, NULL, NULL, NULL },
-	{ "camera: usb driver and peer, own clock", NULL, 1, open_usb, close_usb, "usb:131d:0157?stamps=device&threshold=40" },
+	{ "camera: usb driver and peer, own clock", NULL, 1, open_usb, close_usb,
+	  "usb:131d:0157?stamps=device&threshold=40" },
 	{ "camera: usb driver and peer, no clock", NULL, 1, open_usb, close_usb, "usb:131d:0157?threshold=40" },
 };
 

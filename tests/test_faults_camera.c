@@ -195,6 +195,13 @@ static void k2_eight_bits_and_a_long_gap(void **state)
 		assert_int_equal(lost, gaps[i] - 1);
 		assert_true(llabs(t.stamp_ns - (mark.arrived_ns - 3 * MS)) <= 800 * US);
 	}
+	for (int i = 0; i < 20; i++) { /* an hour away, and a clock that is up to 50 frames wrong by then */
+		mark.counter = (mark.counter + 216000u + (uint32_t)i) & 0xFF;
+		mark.arrived_ns += (216000 + i + (i & 1 ? 50 : -50)) * PERIOD_NS;
+		seq += 216000u + (uint32_t)i;
+		assert_true(camera_usb_time_add(&t, &mark, &lost));
+		assert_int_equal(t.seq, seq);
+	}
 	assert_false(camera_usb_time_add(&t, &mark, &lost)); /* the same again */
 	assert_int_equal(t.seq, seq);
 }
@@ -254,6 +261,7 @@ static void k7_unplug_and_replug(void **state)
 	unplug(b, 5, 5, false);
 	unplug(b, 5, 1, false);
 	assert_int_equal(health(b)->reopens, 3);
+	assert_int_equal(health(b)->bad, 0); /* counters that began again are no damage */
 	assert_string_equal(health(b)->serial, "K");
 }
 

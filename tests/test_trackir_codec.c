@@ -144,7 +144,7 @@ static void nothing_but_a_packet_is_one(void **state)
 			b[sizeof(b) - 4 + i] = (uint8_t)(b[sizeof(b) - 4 + i] ^ 1 << bit);
 			assert_false(trackir_packet_read(b, sizeof(b), &packet));
 		}
-	for (size_t i = 4; i < sizeof(b) - 4; i++) { /* a stripe behind the one before, off the sensor, without weight */
+	for (size_t i = 4; i < sizeof(b) - 4; i++) { /* a stripe out of order, off the sensor, weightless */
 		memcpy(b, golden_tir5, sizeof(b));
 		b[i] ^= 0xFF;
 		refused += !trackir_packet_read(b, sizeof(b), &packet);

@@ -322,6 +322,15 @@ static void frames_wake_parked_transfers_in_order(void **state)
 		answered++;
 	}
 	assert_int_equal(answered, 3);
+	/* One waits, then a frame is ready at the very moment another comes: it goes to the one that waits. */
+	put_urb(bytes, &(struct urb){ .seqnum = 20, .devid = devid, .in = 1, .endpoint = 2, .length = 16384 });
+	assert_true(exchange(b, fd, bytes, 48));
+	assert_int_equal(b->n_got, 0);
+	rig_run(&b->rig, 20 * MS);
+	put_urb(bytes, &(struct urb){ .seqnum = 21, .devid = devid, .in = 1, .endpoint = 2, .length = 16384 });
+	assert_true(exchange(b, fd, bytes, 48));
+	assert_true(b->n_got > 48);
+	assert_int_equal(u32(b->got + 4), 20);
 	close(fd);
 }
 

@@ -1,6 +1,6 @@
 /*
- * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a byte of
- * length each; length 0 lets the devices work and everything go out. Replies must be whole and the connection bounded.
+ * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a
+ * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole and the connection bounded.
  */
 #include <stdlib.h>
 #include <string.h>
