@@ -1,5 +1,8 @@
 /* drivers/bus_usb.c: see drivers/bus_usb.h. The only file that knows libusb. One event thread a bus; `lock` guards
  * everything the callbacks touch. */
+#ifndef _GNU_SOURCE
+#define _GNU_SOURCE /* pthread_clockjoin_np */
+#endif
 #include "drivers/bus_usb.h"
 
 #include <errno.h>
@@ -614,31 +617,34 @@ static enum bb_status explain(struct bb_usb_host *host, const struct bb_usb_matc
 	return status_of(rc);
 }
 
-static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
-                                struct bb_usb_bus **out)
+/* What one open needs and finds: on a thread of its own, because the kernel may keep it waiting. */
+struct opening {
+	pthread_t thread;
+	struct bb_usb_host said; /* its why */
+	struct bb_usb_match match;
+	struct bb_clock *clk;
+	enum bb_status status;
+	struct bus *bus;
+};
+
+static enum bb_status open_now(struct opening *o)
 {
 	struct bus *b = calloc(1, sizeof(*b));
 	size_t n_fit = 0;
 
-	*out = NULL;
-	if (bb_clock_is_virtual(clk)) {
-		snprintf(host->why, sizeof(host->why), "a real bus needs the posix clock");
-		free(b);
-		return BB_ERR_UNSUPPORTED;
-	}
 	if (!b)
 		return BB_ERR_NOMEM;
-	b->base = (struct bb_usb_bus){ .ops = &ops, .clk = clk };
-	b->interface = match->interface;
+	b->base = (struct bb_usb_bus){ .ops = &ops, .clk = o->clk };
+	b->interface = o->match.interface;
 	if (!init_sync(b)) {
 		free(b);
 		return BB_ERR_NOMEM;
 	}
 	int rc = libusb_init(&b->ctx);
 	if (!rc)
-		rc = find(b, match, &n_fit);
-	if (rc || n_fit != 1 || (rc = claim(b, match)) != 0) {
-		const enum bb_status status = explain(host, match, rc, n_fit);
+		rc = find(b, &o->match, &n_fit);
+	if (rc || n_fit != 1 || (rc = claim(b, &o->match)) != 0) {
+		const enum bb_status status = explain(&o->said, &o->match, rc, n_fit);
 		bus_close(&b->base);
 		return status;
 	}
@@ -646,13 +652,87 @@ static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *m
 		bus_close(&b->base);
 		return BB_ERR_NOMEM;
 	}
-	*out = &b->base;
+	o->bus = b;
 	return BB_OK;
+}
+
+static void *opening(void *arg)
+{
+	struct opening *o = arg;
+
+	o->status = open_now(o);
+	return NULL;
+}
+
+static enum bb_status begin_open(struct bb_usb_host *host, const struct bb_usb_match *match, struct bb_clock *clk)
+{
+	struct opening *o = calloc(1, sizeof(*o));
+
+	if (!o)
+		return BB_ERR_NOMEM;
+	o->match = *match;
+	o->clk = clk;
+	if (pthread_create(&o->thread, NULL, opening, o)) {
+		free(o);
+		return BB_ERR_NOMEM;
+	}
+	host->pending = o;
+	return BB_OK;
+}
+
+/* The condition of joining waits on the stopwatch's clock, not on the bus's. */
+static bool joined(struct opening *o, int64_t deadline_ns)
+{
+	const int64_t at_ns = bb_clock_stopwatch_ns() + deadline_ns - bb_clock_now_ns(o->clk);
+	const struct timespec t = { .tv_sec = at_ns / BB_NS_PER_S, .tv_nsec = at_ns % BB_NS_PER_S };
+
+	if (pthread_tryjoin_np(o->thread, NULL) == 0)
+		return true;
+	return deadline_ns > bb_clock_now_ns(o->clk) &&
+	       pthread_clockjoin_np(o->thread, NULL, CLOCK_MONOTONIC, &t) == 0;
+}
+
+static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
+                                int64_t deadline_ns, struct bb_usb_bus **out)
+{
+	*out = NULL;
+	if (bb_clock_is_virtual(clk)) {
+		snprintf(host->why, sizeof(host->why), "a real bus needs the posix clock");
+		return BB_ERR_UNSUPPORTED;
+	}
+	const enum bb_status begun = host->pending ? BB_OK : begin_open(host, match, clk);
+	if (begun != BB_OK)
+		return begun;
+	struct opening *o = host->pending;
+	if (!joined(o, deadline_ns))
+		return BB_TIMEOUT;
+	const enum bb_status status = o->status;
+	memcpy(host->why, o->said.why, sizeof(host->why));
+	if (status == BB_OK) {
+		*match = o->match;
+		*out = &o->bus->base;
+	}
+	host->pending = NULL;
+	free(o);
+	return status;
+}
+
+static void host_close(struct bb_usb_host *host)
+{
+	struct opening *o = host->pending;
+
+	if (!o)
+		return;
+	pthread_join(o->thread, NULL);
+	if (o->bus)
+		bus_close(&o->bus->base);
+	free(o);
+	host->pending = NULL;
 }
 
 void bb_usb_host_init(struct bb_usb_host *host)
 {
-	*host = (struct bb_usb_host){ .open = host_open };
+	*host = (struct bb_usb_host){ .open = host_open, .close = host_close };
 }
 
 static bool hex4(const char *s, uint16_t *out)

@@ -17,7 +17,8 @@
 #define LOOK_NS (100 * MS_NS)        /* between looks for a camera that is gone */
 #define LOOK_MOST_NS (5000 * MS_NS)
 #define RESET_NS (2000 * MS_NS)
-#define SILENT_NS (100 * MS_NS)
+#define SILENT_NS (250 * MS_NS)      /* more than 30 % loss ever makes */
+#define PING_NS (50 * MS_NS)
 #define MINUTE_NS (60000 * MS_NS)
 #define RESETS_A_MINUTE 3
 #define REOPENS_A_MINUTE 5
@@ -330,21 +331,29 @@ static enum bb_status trouble(struct camera_usb *c, const char *what)
 	return status == BB_OK ? usb_error(c, what) : reset(c);
 }
 
+/* Somebody may have left its endpoint halted. */
+static enum bb_status begin_set_up(struct camera_usb *c)
+{
+	set_up_from_start(c);
+	return c->bus->ops->clear_halt(c->bus, TRACKIR_ENDPOINT_IN);
+}
+
 static enum bb_status look(struct camera_usb *c)
 {
 	const int64_t now_ns = now_of(c);
 
 	if (now_ns < c->look_ns)
 		return closed(c, "read");
-	const enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, &c->bus);
+	const enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, now_ns, &c->bus);
+	if (status == BB_TIMEOUT)
+		return closed(c, "read");
 	if (status == BB_OK) {
 		if (too_often(c->reopen_at_ns, REOPENS_A_MINUTE, now_ns))
 			return quarantine(c, "open");
 		c->health.reopens++;
 		set_fault(c, BB_HEALTH_RECOVERING, "CAM_GONE");
 		c->cleared = false;
-		set_up_from_start(c);
-		return BB_OK;
+		return begin_set_up(c) == BB_OK ? BB_OK : gone(c, "open");
 	}
 	c->bus = NULL;
 	/* Looking at an empty bus is cheap, and a camera must be back within a second; one that is there and cannot be
@@ -389,7 +398,8 @@ static void note_frame(struct camera_usb *c, const struct bb_camera_frame *frame
 	if (lost) {
 		bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "CAM_DROP: %u missing before frame %u", lost,
 		               frame->seq);
-		if (!blind)
+		c->good = 0;
+		if (!*c->health.fault)
 			set_fault(c, BB_HEALTH_DEGRADED, "CAM_DROP");
 	}
 	note_light(c, frame->n);
@@ -431,7 +441,7 @@ static bool deliver(struct camera_usb *c, struct bb_camera_frame *frame)
 /* A camera that follows a sync input may rightly have nothing to show: it is asked whether it is there. */
 static enum bb_status silence(struct camera_usb *c)
 {
-	if (!c->wanted || now_of(c) - c->heard_ns < SILENT_NS)
+	if (!c->wanted || now_of(c) - c->heard_ns < (c->pinged ? PING_NS : SILENT_NS))
 		return BB_TIMEOUT;
 	if (!c->stamped || c->pinged)
 		return trouble(c, "no packets");
@@ -536,21 +546,25 @@ static void set_limits(struct camera_usb *c)
 		.least_latency_ns = c->exposure_ns - c->exposure_ns / 2 + llround(k->readout_us * 1000) +
 		                    llround(k->transfer_us * 1000),
 		.stamp_error_ns = c->stamped ? 1000 : llround(k->transfer_jitter_us * 1000) + 100000,
-		.blob_error_px = k->noise_px,
+		.blob_error_px = hypot(k->noise_px, 0.017 + 0.0002 * c->threshold), /* stripes: as measured */
 	};
 	c->time.period_ns = bb_rate_period_ns(k->rate);
 	c->time.least_latency_ns = c->base.limits.least_latency_ns;
+	c->time.jitter_ns = c->base.limits.stamp_error_ns;
 }
 
 static enum bb_status open_device(struct camera_usb *c)
 {
-	enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, &c->bus);
+	enum bb_status status = c->host->open(c->host, &c->match, c->base.dev.clk, now_of(c) + 2 * OPEN_NS, &c->bus);
 
+	if (status == BB_TIMEOUT)
+		return bb_device_fail(&c->base.dev, BB_ERR_LOST, "open", "the USB bus does not answer");
 	if (status != BB_OK)
 		return bb_device_fail(&c->base.dev, status, "open", "%s", c->host->why);
 	snprintf(c->health.serial, sizeof(c->health.serial), "%s", c->match.serial);
-	set_up_from_start(c);
-	status = set_up_now(c);
+	status = begin_set_up(c);
+	if (status == BB_OK)
+		status = set_up_now(c);
 	if (status != BB_OK)
 		close_bus(c);
 	return status;
@@ -571,7 +585,10 @@ static enum bb_status open_with(struct bb_camera *cam, const struct bb_open *ope
 	c->exposure_ns = llround(cam->config.exposure_us * 1000) / TRACKIR_LINE_NS * TRACKIR_LINE_NS;
 	c->offset_ns = c->stamped ? llround(cam->config.sync_offset_us * 1000) : 0;
 	set_limits(c);
-	return open_device(c);
+	status = open_device(c);
+	if (status != BB_OK)
+		host->close(host);
+	return status;
 }
 
 static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *open)
@@ -589,6 +606,7 @@ static void camera_close(struct bb_camera *cam)
 		(void)send(c, trackir_leds(0, TRACKIR_LED_ALL));
 	}
 	close_bus(c);
+	c->host->close(c->host);
 }
 
 static enum bb_status camera_start(struct bb_camera *cam)

@@ -71,7 +71,7 @@ static int64_t arrival_stamp(const struct camera_usb_time *t, const struct camer
 		return heard_ns;
 	const int64_t span_ns = step * t->period_ns;
 	const int64_t due_ns = t->stamp_ns + span_ns + span_ns / 1000000 * SLACK_PPM;
-	if (heard_ns - due_ns > t->period_ns) /* it paused: the rhythm began anew */
+	if (heard_ns - due_ns > t->jitter_ns) /* the rhythm began anew */
 		return heard_ns;
 	return heard_ns < due_ns ? heard_ns : due_ns;
 }

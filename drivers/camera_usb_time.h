@@ -9,6 +9,7 @@
 
 struct camera_usb_time {
 	int64_t period_ns, least_latency_ns;
+	int64_t jitter_ns;         /* of arrivals, at most */
 	bool any;                  /* a frame has been seen */
 	bool broken;               /* the camera was away: its counters may have started again */
 	uint32_t seq, counter;     /* of the last frame */

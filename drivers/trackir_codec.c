@@ -183,7 +183,10 @@ bool trackir_packet4_read(const uint8_t *bytes, size_t n, struct trackir_packet 
 
 void trackir_stream_init(struct trackir_stream *s)
 {
-	memset(s, 0, sizeof(*s));
+	s->n = s->packet.n = 0; /* the buffers themselves need no clearing */
+	s->n_partial = s->n_bad = 0;
+	s->status = (struct trackir_status){ 0 };
+	s->config = 0;
 }
 
 static enum trackir_item reply(struct trackir_stream *s, const uint8_t *b, size_t n)

@@ -72,11 +72,15 @@ struct bb_usb_match {
 	uint8_t interface;
 	char serial[64];
 };
-/* Where USB devices are found. BB_ERR_LOST: none that matches; BB_ERR_BUSY: somebody else has it, or several match;
- * BB_ERR_IO: it is there and may not be used. `why` says it in words. The bus is the caller's to close. */
+/* Where USB devices are found. open() is asked until it has an answer: BB_TIMEOUT is "under way, ask again" (a kernel
+ * that just saw a plug can be busy for half a second); BB_ERR_LOST: none that matches; BB_ERR_BUSY: somebody else has
+ * it, or several match; BB_ERR_IO: it is there and may not be used. `why` says it in words. The bus is the caller's to
+ * close; close() ends an open that is under way. */
 struct bb_usb_host {
 	enum bb_status (*open)(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
-	                       struct bb_usb_bus **out);
+	                       int64_t deadline_ns, struct bb_usb_bus **out);
+	void (*close)(struct bb_usb_host *host);
+	void *pending;
 	char why[96];
 };
 

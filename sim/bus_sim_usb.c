@@ -76,7 +76,11 @@ static enum bb_status reset(struct bb_usb_bus *bus)
 
 static void bus_close(struct bb_usb_bus *bus)
 {
-	free(bb_container_of(bus, struct bus, base));
+	struct bus *b = bb_container_of(bus, struct bus, base);
+
+	if (b->usb->port[b->port].claimed == b)
+		b->usb->port[b->port].claimed = NULL;
+	free(b);
 }
 
 static const struct bb_usb_ops ops = { control, transfer, clear_halt, bus_close, reset };
@@ -106,12 +110,13 @@ static bool fits(struct sim_usb_device *dev, const struct bb_usb_match *match, c
 }
 
 static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *match, struct bb_clock *clk,
-                                struct bb_usb_bus **out)
+                                int64_t deadline_ns, struct bb_usb_bus **out)
 {
 	struct bus_sim_usb *usb = bb_container_of(host, struct bus_sim_usb, host);
 	char serial[64], found[64] = "";
 	size_t at = BUS_SIM_USB_PORTS, n = 0;
 
+	(void)deadline_ns;
 	*out = NULL;
 	for (size_t i = 0; i < BUS_SIM_USB_PORTS; i++)
 		if (fits(usb->port[i].device, match, serial)) {
@@ -125,9 +130,14 @@ static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *m
 		snprintf(host->why, sizeof(host->why), "no %04x:%04x on the bus", match->vendor, match->product);
 	if (n != 1)
 		return n ? BB_ERR_BUSY : BB_ERR_LOST;
+	if (usb->port[at].claimed) {
+		snprintf(host->why, sizeof(host->why), "another program has it");
+		return BB_ERR_BUSY;
+	}
 	struct bus *b = calloc(1, sizeof(*b));
 	if (!b)
 		return BB_ERR_NOMEM;
+	usb->port[at].claimed = b;
 	*b = (struct bus){ { .ops = &ops, .clk = clk }, usb, at, usb->port[at].plug };
 	memcpy(match->serial, found, sizeof(found));
 	usb->port[at].device->configuration = usb->port[at].device->config[5]; /* as the kernel does */
@@ -136,10 +146,15 @@ static enum bb_status host_open(struct bb_usb_host *host, struct bb_usb_match *m
 	return BB_OK;
 }
 
+static void host_close(struct bb_usb_host *host)
+{
+	(void)host;
+}
+
 void bus_sim_usb_init(struct bus_sim_usb *usb)
 {
 	memset(usb, 0, sizeof(*usb));
-	usb->host.open = host_open;
+	usb->host = (struct bb_usb_host){ .open = host_open, .close = host_close };
 }
 
 bool bus_sim_usb_plug(struct bus_sim_usb *usb, size_t port, struct sim_usb_device *device)
@@ -147,6 +162,7 @@ bool bus_sim_usb_plug(struct bus_sim_usb *usb, size_t port, struct sim_usb_devic
 	if (port >= BUS_SIM_USB_PORTS || usb->port[port].device)
 		return false;
 	usb->port[port].device = device;
+	usb->port[port].claimed = NULL;
 	usb->port[port].plug = ++usb->n_plugs;
 	sim_usb_reset(device);
 	return true;

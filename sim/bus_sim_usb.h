@@ -13,6 +13,7 @@ struct bus_sim_usb { /* the caller's memory; outlives the buses opened on it */
 	struct bb_usb_host host;
 	struct {
 		struct sim_usb_device *device;
+		void *claimed; /* by a bus, NULL: free */
 		uint64_t plug; /* counts: a bus knows that its device was out */
 	} port[BUS_SIM_USB_PORTS];
 	uint64_t n_plugs, n_opens;

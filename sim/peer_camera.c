@@ -25,6 +25,8 @@ struct peer_camera {
 	uint8_t threshold, exposure_high;
 	int64_t exposure_ns, offset_ns;
 	uint32_t firmware;
+	uint32_t counter, clock_us; /* added to the model's: they begin again with each power-up but the first */
+	bool restarted, sent;
 	struct reply reply[REPLIES];
 	size_t n_replies;
 	uint32_t stall, cut, damage, drop;
@@ -33,6 +35,7 @@ struct peer_camera {
 	int64_t out_at_ns;
 	struct bb_blob blobs[BB_CAMERA_BLOBS_MAX];
 	uint8_t out[TRACKIR_READ_BYTES];
+	uint16_t lit_from[TRACKIR_HEIGHT_PX], lit_to[TRACKIR_HEIGHT_PX]; /* where a line has light: [from, to) */
 	uint8_t sensor[TRACKIR_HEIGHT_PX][TRACKIR_WIDTH_PX];
 };
 
@@ -79,6 +82,10 @@ static void draw_spot(struct peer_camera *p, const struct bb_blob *b)
 
 	for (int j = y0; j <= y1; j++) {
 		const double row = scale * share(y, sd, j);
+		if (p->lit_from[j] >= p->lit_to[j] || x0 < p->lit_from[j])
+			p->lit_from[j] = (uint16_t)x0;
+		if (x1 + 1 > p->lit_to[j])
+			p->lit_to[j] = (uint16_t)(x1 + 1);
 		for (int i = x0; i <= x1; i++) {
 			const double v = p->sensor[j][i] + row * share(x, sd, i) + 0.5;
 			p->sensor[j][i] = (uint8_t)(v > 255 ? 255 : v);
@@ -104,7 +111,7 @@ static size_t scan_line(struct peer_camera *p, uint32_t line, uint8_t *out, size
 	const uint8_t *row = p->sensor[line];
 	size_t n = 0;
 
-	for (uint32_t i = 0; i < TRACKIR_WIDTH_PX; i++) {
+	for (uint32_t i = p->lit_from[line]; i < p->lit_to[line]; i++) {
 		uint32_t sum = 0, sum_x = 0, points = 0;
 		while (i + points < TRACKIR_WIDTH_PX && row[i + points] >= p->threshold) {
 			const uint32_t weight = row[i + points] - p->threshold + 1u;
@@ -136,15 +143,26 @@ static size_t expose(struct peer_camera *p, const struct bb_camera_frame *f, uin
 		draw_spot(p, &f->blobs[i]);
 	}
 	for (uint32_t line = top; line <= bottom; line++) {
+		if (!p->lit_to[line])
+			continue;
 		n += scan_line(p, line, out + n, room - n);
 		memset(p->sensor[line], 0, TRACKIR_WIDTH_PX);
+		p->lit_from[line] = p->lit_to[line] = 0;
 	}
 	return n;
 }
 
 static void encode(struct peer_camera *p, const struct bb_camera_frame *f)
 {
-	const uint32_t number = f->seq + p->options.counter;
+	const uint32_t model_us = (uint32_t)(f->mid_exposure.ns / 1000);
+
+	if (p->restarted) {
+		p->counter = 0u - f->seq;
+		p->clock_us = 20000u - model_us;
+		p->restarted = false;
+	}
+	p->sent = true;
+	const uint32_t number = f->seq + p->counter;
 	const uint8_t kind = p->options.stamped ? TRACKIR_KIND_STAMPED : TRACKIR_KIND_LONG;
 	uint8_t *out = p->out;
 	size_t n = 4;
@@ -155,7 +173,7 @@ static void encode(struct peer_camera *p, const struct bb_camera_frame *f)
 	out[3] = (uint8_t)(out[0] ^ out[1] ^ out[2] ^ TRACKIR_XOR);
 	if (p->options.stamped) {
 		put32(out + 4, number);
-		put32(out + 8, (uint32_t)(f->mid_exposure.ns / 1000) + p->options.clock_us);
+		put32(out + 8, model_us + p->clock_us);
 		put16(out + 12, (uint32_t)(f->arrived_ns / MS_NS) & 0x7FF);
 		put16(out + 14, 0);
 		n += TRACKIR_STAMP_BYTES;
@@ -372,10 +390,12 @@ static void dev_reset(struct sim_usb_device *dev)
 {
 	struct peer_camera *p = own(dev);
 
+	p->restarted = p->sent;
 	p->streaming = p->lamps = false;
 	p->threshold = 96;
 	p->n_replies = p->n_out = p->sent_out = 0;
-	p->exposure_ns = p->offset_ns = 0;
+	p->exposure_ns = 0;
+	p->offset_ns = p->options.offset_ns;
 	p->configured = !p->options.needs_reload;
 	(void)!bb_camera_stop(p->model);
 }
@@ -410,6 +430,8 @@ enum bb_status peer_camera_create(struct bb_camera *model, const struct peer_cam
 		return BB_ERR_NOMEM;
 	p->model = model;
 	p->options = *options;
+	p->counter = options->counter;
+	p->clock_us = options->clock_us;
 	p->loaded = !options->no_firmware;
 	p->usb = (struct sim_usb_device){ .ops = &ops,
 		                          .speed = SIM_USB_HIGH,

@@ -4,7 +4,7 @@
  * on a sensor, stripes above the threshold, packets of drivers/trackir_wire.h. Its encoding is its own.
  *
  * A spot is a Gaussian integrated over pixels, of peak 250 and so wide that it exceeds the threshold over the blob's
- * area; a point weighs what it exceeds the threshold by, plus one. Firmware is any bytes: they are summed, not run.
+ * area; its counters begin again with every power-up; a point weighs what it exceeds the threshold by, plus one. Firmware is any bytes: they are summed, not run.
  */
 #ifndef BB_SIM_PEER_CAMERA_H
 #define BB_SIM_PEER_CAMERA_H
@@ -19,6 +19,7 @@ struct peer_camera_options {
 	bool needs_reload;      /* asks for its settings to be reloaded once */
 	uint32_t clock_us;      /* added to its stamps: to begin near the wrap */
 	uint32_t counter;       /* added to its frame numbers */
+	int64_t offset_ns;      /* after its sync edge, while nobody tells it another */
 	size_t most_in_bytes;   /* an IN transfer carries at most that much; 0: all */
 };
 

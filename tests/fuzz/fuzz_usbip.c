@@ -1,0 +1,113 @@
+/*
+ * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a
+ * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole and the connection bounded.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "sim/peer_i2c_tiny_usb.h"
+#include "sim/usbip_conn.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static bool target_write(void *ctx, uint8_t address, const uint8_t *bytes, size_t n)
+{
+	uint8_t *sum = ctx;
+
+	for (size_t i = 0; i < n; i++)
+		*sum = (uint8_t)(*sum + bytes[i]);
+	return address == 0x50;
+}
+
+static bool target_read(void *ctx, uint8_t address, uint8_t *bytes, size_t n)
+{
+	memset(bytes, *(uint8_t *)ctx, n);
+	return address == 0x50;
+}
+
+/* Endpoint 1 answers every third time, endpoint 2 never, endpoint 3 stalls. */
+static int some_in(struct sim_usb_device *dev, uint8_t endpoint, uint8_t *bytes, size_t cap)
+{
+	dev->in_at_ns = 0;
+	if (endpoint == 0x83)
+		return SIM_USB_STALL;
+	if (endpoint != 0x81 || ++dev->halted % 3)
+		return SIM_USB_NAK;
+	dev->halted = 0;
+	memset(bytes, 0x55, cap);
+	return (int)cap;
+}
+
+static int some_out(struct sim_usb_device *dev, uint8_t endpoint, const uint8_t *bytes, size_t n)
+{
+	volatile uint8_t sum = 0;
+
+	(void)dev;
+	for (size_t i = 0; i < n; i++)
+		sum = (uint8_t)(sum + bytes[i]);
+	return endpoint == 1 ? (int)n : SIM_USB_NAK;
+}
+
+static const struct sim_usb_ops ops = { sim_usb_no_control, some_in, some_out, sim_usb_no_reset,
+	                                sim_usb_always_present };
+static const uint8_t device[18] = { 18, 1, 0, 2, 0xFF, 0, 0, 64, 1, 2, 3, 4, 0, 1, 1, 2, 3, 1 };
+static const uint8_t config[18] = { 9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, 0xFF, 0, 0, 0 };
+
+static void drain(struct usbip_conn *c, bool attached_from_start)
+{
+	size_t n;
+	const uint8_t *out = usbip_conn_out(c, &n);
+
+	if (n > USBIP_OUT_MAX || (attached_from_start && n && n < 48) ||
+	    (attached_from_start && n && (out[3] != 3 && out[3] != 4)))
+		abort();
+	usbip_conn_sent(c, n);
+}
+
+static void talk(struct usbip_conn *c, const uint8_t *data, size_t size, bool attached)
+{
+	while (size) {
+		size_t n = *data++;
+		size--;
+		if (n > size)
+			n = size;
+		uint8_t *exact = malloc(n ? n : 1);
+		if (!exact)
+			return;
+		memcpy(exact, data, n);
+		const bool alive = n ? usbip_conn_room(c) < n || usbip_conn_feed(c, exact, n) : usbip_conn_step(c);
+		free(exact);
+		if (!alive)
+			return;
+		if (!n || usbip_conn_room(c) < 256)
+			drain(c, attached);
+		data += n;
+		size -= n;
+	}
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+	static struct usbip_exports exports;
+	struct sim_usb_device bulk = { .ops = &ops, .speed = SIM_USB_HIGH, .device = device, .config = config,
+		                       .n_config = sizeof(config), .string = { NULL, "a", "b", "c" } };
+	struct peer_i2c_tiny_usb *i2c;
+	struct usbip_conn *conn;
+	uint8_t sum = 0;
+
+	if (!size || peer_i2c_tiny_usb_create("S", &i2c) != BB_OK)
+		return 0;
+	peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
+	exports = (struct usbip_exports){ .n = 2,
+		                          .item = { { "1-1", 1, 2, peer_i2c_tiny_usb_device(i2c), false },
+		                                    { "1-2", 1, 3, &bulk, false } } };
+	const bool attached = data[0] & 1;
+	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, data[0] >> 1 & 1, &conn)
+	                                       : usbip_conn_create(&exports, &conn);
+	if (status == BB_OK) {
+		talk(conn, data + 1, size - 1, attached);
+		usbip_conn_destroy(conn);
+	}
+	peer_i2c_tiny_usb_destroy(i2c);
+	return 0;
+}
