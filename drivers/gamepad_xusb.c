@@ -11,6 +11,7 @@
 #define PACKET_BYTES_MAX 64
 #define ASK_NS INT64_C(1000000000) /* a pad that says nothing about itself is asked once a second */
 #define LED_FIRST 6                /* "pad n on" */
+#define OPEN_NS INT64_C(2000000000) /* the first opening may wait that long; later ones never wait */
 
 static struct bb_gamepad_xusb *of(struct bb_gamepad *g)
 {
@@ -54,16 +55,24 @@ static enum bb_status source_open(struct bb_pad_core *core)
 {
 	struct bb_gamepad_xusb *x = of_core(core);
 	struct bb_gamepad *g = &x->base;
+<<<<<<< HEAD
 	/* The first time somebody waits for the answer; later a bus that needs longer is asked again by and by. */
 	const int64_t wait_ns = core->health == BB_HEALTH_INIT ? OPEN_NS : 0;
 	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + wait_ns, &x->bus);
 
+=======
+	const bool first = core->health == BB_HEALTH_INIT;
+	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + (first ? OPEN_NS : 0), &x->bus);
+
+	if (status == BB_TIMEOUT && !first)
+		return status;
+>>>>>>> d-pads
 	if (status == BB_TIMEOUT)
 		status = BB_ERR_LOST;
 	if (status != BB_OK) {
 		struct bb_error err = { 0 };
 		(void)bb_fail(&err, status, status == BB_ERR_LOST ? 1562 : 1563, NULL, "%s: %s", g->config.id, x->host->why);
-		if (core->health == BB_HEALTH_INIT)
+		if (first)
 			bb_log(x->log, BB_LOG_ERROR, BB_BLAME_DEVICE, g->config.id, "%s", err.text);
 		return bb_device_fail(&g->dev, status, "open", "%.90s", err.text);
 	}
@@ -193,7 +202,10 @@ enum bb_status bb_gamepad_xusb_open_on(struct bb_gamepad *g, const struct bb_ope
 		x->match.serial[i] = uri.serial[i];
 	g->limits.has_rumble = g->limits.has_battery = true;
 	bb_pad_core_init(&x->core, g, &source, bb_xusb_steps, open->seed, uri.gap_ns);
-	return bb_pad_core_start(&x->core);
+	const enum bb_status opened = bb_pad_core_start(&x->core);
+	if (opened != BB_OK)
+		host->close(host);
+	return opened;
 }
 
 static enum bb_status xusb_open(struct bb_gamepad *g, const struct bb_open *open)
@@ -208,6 +220,7 @@ static void xusb_close(struct bb_gamepad *g)
 	if (of(g)->rumbling)
 		(void)xusb_rumble(g, 0, 0);
 	bb_pad_core_stop(&of(g)->core);
+	of(g)->host->close(of(g)->host);
 }
 
 const struct bb_pad_core *bb_gamepad_xusb_core(const struct bb_gamepad *g)

@@ -67,8 +67,8 @@ static int32_t stick(uint8_t byte, int32_t centre)
 
 static enum bb_pad_said decode_rumblepad(const uint8_t *b, struct bb_pad_sample *s)
 {
-	static const int8_t hat_x[9] = { 0, 1, 1, 1, 0, -1, -1, -1, 0 };
-	static const int8_t hat_y[9] = { -1, -1, 0, 1, 1, 1, 0, -1, 0 }; /* up is negative, as on the sticks */
+	static const int32_t hat_x[9] = { 0, 1, 1, 1, 0, -1, -1, -1, 0 };
+	static const int32_t hat_y[9] = { -1, -1, 0, 1, 1, 1, 0, -1, 0 }; /* up is negative, as on the sticks */
 	const unsigned int hat = b[4] & 15;
 
 	if (hat > PAD_WIRE_HAT_CENTRE)

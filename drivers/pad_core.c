@@ -137,6 +137,8 @@ static enum bb_status reopen(struct bb_pad_core *core)
 	if (!bb_pad_guard_may_reopen(core))
 		return core->quarantined ? BB_ERR_FORMAT : BB_ERR_LOST;
 	const enum bb_status status = core->source->open(core);
+	if (status == BB_TIMEOUT)
+		return BB_ERR_LOST;
 	core->is_open = status == BB_OK;
 	bb_pad_guard_reopened(core, status);
 	return status == BB_OK ? BB_OK : core->quarantined ? BB_ERR_FORMAT : BB_ERR_LOST;

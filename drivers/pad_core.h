@@ -22,7 +22,8 @@ struct bb_pad_sample {
 
 struct bb_pad_core;
 struct bb_pad_source {
-	/* Opens the bus; called again after an unplug. BB_ERR_LOST: not there (yet). BB_ERR_FORMAT: refused for good. */
+	/* Opens the bus; called again after an unplug. BB_ERR_LOST: not there (yet). BB_ERR_FORMAT: refused for good.
+	 * BB_TIMEOUT, not at the first time: under way, to be asked again. */
 	enum bb_status (*open)(struct bb_pad_core *core);
 	void (*close)(struct bb_pad_core *core);
 	/* Takes one packet and gives it to bb_pad_core_good, _bad or _battery. BB_TIMEOUT: there was none; BB_ERR_LOST:

@@ -33,7 +33,8 @@ static bool drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 	const int64_t silent_ns = now_ns - l->pad[i].at_ns;
 	const bool deflected = l->pad_seen[i] && most_deflection(&l->pad[i]) > DEAD_ZONE;
 	if (status < 0) {
-		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST, "gone: %s", bb_status_text(status));
+		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST, "gone: %s",
+		             bb_gamepad_device(g)->last_error.detail);
 		return false;
 	}
 	if (deflected && !l->was_away && silent_ns > SILENCE_NS && silent_ns > bb_gamepad_limits(g)->most_report_gap_ns) {

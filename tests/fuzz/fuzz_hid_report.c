@@ -23,7 +23,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
 	if (!size)
 		return 0;
-	const enum bb_pad_kind kind = (enum bb_pad_kind)(data[0] % 3);
+	enum bb_pad_kind kind = (enum bb_pad_kind)(data[0] % 3);
+	uint8_t id;
+	if (bb_pad_kind_report_bytes(kind, &id) > 8 || bb_pad_kind_of((uint16_t)size, data[0], &kind))
+		abort();
 	for (size_t at = 1; at < size;) {
 		size_t n = data[at++];
 		n = n < size - at ? n : size - at;
