@@ -194,7 +194,7 @@ static void refuse_identity(struct modbus_strip *s, const struct modbus_reply *r
 		notice(s, POWER_MODBUS_ID, BB_HEALTH_QUARANTINED, "identity registers: exception %02X", reply->exception);
 	else
 		notice(s, POWER_MODBUS_ID, BB_HEALTH_QUARANTINED, "register %lld is %04X, want %04X",
-		       (long long)(m->id_at + (int64_t)i), reply->value[i], m->id_word[i]);
+		       (long long)m->id_at + (long long)i, reply->value[i], m->id_word[i]);
 	bus_modbus_hang_up(s->bus);
 }
 
