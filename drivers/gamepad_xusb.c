@@ -7,7 +7,6 @@
 #include "drivers/pad_uri.h"
 #include "drivers/pad_wire.h"
 
-#define OPEN_NS (2 * BB_NS_PER_S)
 #define PACKET_BYTES_MAX 64
 #define ASK_NS INT64_C(1000000000) /* a pad that says nothing about itself is asked once a second */
 #define LED_FIRST 6                /* "pad n on" */
@@ -55,18 +54,11 @@ static enum bb_status source_open(struct bb_pad_core *core)
 {
 	struct bb_gamepad_xusb *x = of_core(core);
 	struct bb_gamepad *g = &x->base;
-<<<<<<< HEAD
-	/* The first time somebody waits for the answer; later a bus that needs longer is asked again by and by. */
-	const int64_t wait_ns = core->health == BB_HEALTH_INIT ? OPEN_NS : 0;
-	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + wait_ns, &x->bus);
-
-=======
 	const bool first = core->health == BB_HEALTH_INIT;
 	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + (first ? OPEN_NS : 0), &x->bus);
 
 	if (status == BB_TIMEOUT && !first)
 		return status;
->>>>>>> d-pads
 	if (status == BB_TIMEOUT)
 		status = BB_ERR_LOST;
 	if (status != BB_OK) {
