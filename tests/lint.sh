@@ -4,7 +4,7 @@
 set -u
 cd "$(dirname "$0")/.." || exit 2
 
-[ $# -gt 0 ] || set -- $(find hal drivers sim sync render bench -name '*.c' 2>/dev/null | LC_ALL=C sort)
+[ $# -gt 0 ] || set -- $(find hal drivers sim sync render bench -name '*.c' -not -path 'sim/kmod/*' 2>/dev/null | LC_ALL=C sort)
 [ $# -gt 0 ] || { echo "lint: no sources" >&2; exit 2; }
 
 ran=0 found=0
