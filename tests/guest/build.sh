@@ -111,17 +111,18 @@ get_headers() {
 	mv "$headers.part" "$headers"
 }
 
-build_modules() {
-	rm -rf "$out/kmod"
-	[ -n "$(find sim/kmod -name '*.c' 2>/dev/null)" ] || return 0
+build_modules() { # FOLDER: leaves build/guest/NAME-OF-FOLDER/*.ko
+	built=$out/$(echo "$1" | tr / -)
+	rm -rf "$built"
+	[ -n "$(find "$1" -name '*.c' 2>/dev/null)" ] || return 0
 	get_headers || skip "the headers of $kernel cannot be had: $(tail -n 1 "$log")"
-	cp -r sim/kmod "$out/kmod"
-	[ -f "$out/kmod/Kbuild" ] || [ -f "$out/kmod/Makefile" ] ||
-		(cd "$out/kmod" && for c in *.c; do echo "obj-m += ${c%.c}.o"; done >Kbuild)
-	make -s -C "$headers/usr/src/linux-headers-$kernel" M="$PWD/$out/kmod" modules >"$log" 2>&1 ||
-		{ cat "$log" >&2; echo "guest: sim/kmod does not build for $kernel" >&2; exit 1; }
+	cp -r "$1" "$built"
+	[ -f "$built/Kbuild" ] || [ -f "$built/Makefile" ] ||
+		(cd "$built" && for c in *.c; do echo "obj-m += ${c%.c}.o"; done >Kbuild)
+	make -s -C "$headers/usr/src/linux-headers-$kernel" M="$PWD/$built" modules >"$log" 2>&1 ||
+		{ cat "$log" >&2; echo "guest: $1 does not build for $kernel" >&2; exit 1; }
 	# Debug data hold this machine's paths, and the build id hashes them: neither may reach the guest's key.
-	for module in "$out"/kmod/*.ko; do
+	for module in "$built"/*.ko; do
 		objcopy --strip-debug -R .note.gnu.build-id "$module"
 	done
 }
@@ -139,7 +140,7 @@ copy_programs() {
 	for script in $here/case_*.sh; do
 		[ ! -f "$script" ] || cp "$script" "$stage/programs/bb/"
 	done
-	for module in "$out"/kmod/*.ko; do
+	for module in "$out"/sim-kmod/*.ko; do
 		[ ! -f "$module" ] || cp "$module" "$stage/programs/usr/lib/modules/$kernel/extra/"
 	done
 }
@@ -154,6 +155,8 @@ copy_tools() {
 		cp -L "$tool" "$root$tool"
 		echo "$tool" >>"$stage/binaries"
 	done
+	gcc -std=gnu11 -Os -o "$root/usr/bin/align" $here/align.c
+	objcopy --strip-all -R .note.gnu.build-id "$root/usr/bin/align"
 	ln -s ../bin/kmod "$root/usr/sbin/modprobe"
 	# Enough rules that a device is named, known to be an input device or not, and gets its driver.
 	for rules in 50-udev-default 60-input-id 60-evdev 80-drivers; do
@@ -162,6 +165,7 @@ copy_tools() {
 	echo 'root:x:0:0:root:/tmp:/usr/bin/busybox' >"$root/etc/passwd"
 	{ echo root; sed -n 's/.*GROUP="\([a-z]*\)".*/\1/p' "$root"/usr/lib/udev/rules.d/*.rules; } | LC_ALL=C sort -u |
 		awk '{ print $1 ":x:" ($1 == "root" ? 0 : 100 + NR) ":" }' >"$root/etc/group"
+	cp "$out/tests-guest-kmod/bb_stop.ko" "$root/usr/lib/"
 	install -m 755 $here/init "$root/init"
 }
 
@@ -212,7 +216,8 @@ pack() { # FOLDER FILE
 }
 
 get_kernel
-build_modules
+build_modules sim/kmod
+build_modules tests/guest/kmod
 root=$stage/root
 mkdir -p "$root"
 copy_programs "$@"

@@ -7,10 +7,11 @@ machine() { # MEMORY_MIB CASE_FILE SERIAL_FILE ARGUMENT...
 	memory_mib=$1 case_file=$2 serial_file=$3
 	shift 3
 	exec qemu-system-x86_64 -accel tcg -smp 1 -m "$memory_mib" -nodefaults -no-user-config -display none -no-reboot \
-		-kernel vmlinux -initrd guest.cpio -icount shift=1,align=off,sleep=off -rtc base=2026-01-01T00:00:00,clock=vm \
+		-kernel vmlinux -initrd guest.cpio -seed 1 -icount shift=1,align=off,sleep=off -rtc base=2026-01-01T00:00:00,clock=vm \
 		-object can-bus,id=cb0 -device kvaser_pci,canbus=cb0 -device kvaser_pci,canbus=cb0 \
 		-device pvpanic -action panic=pause -device isa-debug-exit,iobase=0xf4,iosize=0x04 \
 		-fw_cfg name=opt/blackburst/case,file="$case_file" -serial file:"$serial_file" \
-		-append "console=ttyS0,115200 quiet loglevel=1 panic=-1 oops=panic mitigations=off nokaslr tsc=reliable no_timer_check" \
+		-append "console=ttyS0,115200 quiet loglevel=1 panic=-1 oops=panic mitigations=off nokaslr tsc=reliable \
+			no_timer_check randomize_kstack_offset=off" \
 		"$@"
 }

@@ -195,7 +195,7 @@ snapshots
 booted=$(date +%s)
 run_cases $out/selected state-"$key" logs
 run_cases $out/again state-second logs-second
-rm -f $out/state-second
+#rm -f $out/state-second
 collect
 compare
 [ "${RECORD:-0}" != 1 ] || record
