@@ -157,6 +157,7 @@ copy_tools() {
 	done
 	gcc -std=gnu11 -Os -o "$root/usr/bin/align" $here/align.c
 	objcopy --strip-all -R .note.gnu.build-id "$root/usr/bin/align"
+	ln -s dash "$root/usr/bin/sh"
 	ln -s ../bin/kmod "$root/usr/sbin/modprobe"
 	# Enough rules that a device is named, known to be an input device or not, and gets its driver.
 	for rules in 50-udev-default 60-input-id 60-evdev 80-drivers; do

@@ -118,6 +118,7 @@ record() {
 # Numbers are exact only on the very machine they were recorded on: the same kernel, QEMU, tools and libraries. There they
 # may not rise by more than the margin; and if our programs are the same bytes as well, they may not change at all.
 gate() {
+	[ -f $here/latency.json ] || echo '{}' >$here/latency.json
 	recorded=$(sed -n 's/.*"environment": "\([0-9a-f]*\)".*/\1/p' $here/latency.json 2>/dev/null)
 	recorded_key=$(sed -n 's/.*"key": "\([0-9a-f]*\)".*/\1/p' $here/latency.json 2>/dev/null)
 	margin=$(sed -n 's/.*"margin_percent": \([0-9]*\).*/\1/p' $here/latency.json 2>/dev/null)
