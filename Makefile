@@ -2,6 +2,7 @@
 #   make            the program, build/blackburst          make check      every test that needs no root and no network
 #   make run        a whole room, from nothing to a report  make deps       Debian packages this needs
 #   make t-NAME     one test binary, tests/test_NAME.c     make lint       clang-tidy and cppcheck
+#   make check-kernel   real drivers in a QEMU guest on Debian's kernel: ONLY=, LONG=1, DETERMINISM=1, see tests/guest/run.sh
 # Variants: SAN=address,undefined  SAN=thread  CC=clang  (each has its own folder under build/)
 
 CC      ?= gcc
@@ -30,6 +31,9 @@ HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
 REPLAYS := $(FUZZ:%=$B/tests/replay_%)
+GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
+# Contract suites that a case of the guest names run there, too.
+GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
 OBJ      = $(SRC:%.c=$B/%.o)
 
 export LSAN_OPTIONS := suppressions=$(CURDIR)/tests/lsan.supp:print_suppressions=0
@@ -58,6 +62,10 @@ $B/%.o: %.c Makefile
 
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS) -lcmocka
+
+# What runs in the guest carries only the libraries it uses.
+$B/tests/guest/%: $B/tests/guest/%.o $B/libblackburst.a
+	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
 
 # One test: make t-track builds and runs tests/test_track.c (or contract_track.c).
 t-%:
@@ -119,6 +127,15 @@ THREADED := $B/tests/test_reference $B/tests/test_stream
 check-threads: $(THREADED)
 	@tests/run.sh $(THREADED)
 
+# Ends with "0 passed, 0 failed, 1 skipped" and the reason where it cannot run.
+check-kernel:
+	@$(MAKE) --no-print-directory deps
+	@$(MAKE) --no-print-directory -j$(shell nproc) guest-programs
+	@tests/guest/run.sh $(GUEST)
+
+guest-programs: $(GUEST)
+
+
 # Every header compiles on its own.
 hdr-check: $(HDR:%.h=$B/%.hco)
 $B/%.hco: %.h
@@ -141,8 +158,9 @@ clean:
 	rm -rf build
 
 help:
-	@sed -n '2,6p' Makefile | cut -c3-
+	@sed -n '2,7p' Makefile | cut -c3-
 
-.PHONY: all deps data run run-room check check-threads check-hw tests hdr-check layer-check lint bench fuzz fuzz-programs format clean help
+.PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
+        bench fuzz fuzz-programs format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d $(GUEST:=.d)
