@@ -1,8 +1,9 @@
 /*
  * drivers/gamepad_evdev.h: any gamepad the kernel drives, over its input events. URI "evdev:/dev/input/event3" or
- * "evdev:046d:c219?serial=...", with "mapping=FILE" a file of SDL_GameControllerDB lines. Without one: sticks on
- * ABS_X/Y and ABS_RX/RY (or Z/RZ), the cross on ABS_HAT0, buttons by ascending code; a SpaceMouse: six axes, ABS_X to
- * ABS_RZ. With one: buttons are A B X Y LB RB back start guide L3 R3 and the triggers beyond half way.
+ * "evdev:046d:c219?serial=..." (xpad calls the pads of a wireless receiver 045e:02a1), with "mapping=FILE" a file of
+ * SDL_GameControllerDB lines. Without one: sticks on ABS_X/Y and ABS_RX/RY (or Z/RZ), the cross on ABS_HAT0, buttons
+ * by ascending code; a SpaceMouse: six axes, ABS_X to ABS_RZ. With one: buttons are A B X Y LB RB back start guide L3
+ * R3 and the triggers beyond half way.
  *
  * The kernel tells changes only, so silence of a still stick is no fault here and most_report_gap_ns is for ever.
  * States and names of other faults: drivers/pad_core.h. One thread.

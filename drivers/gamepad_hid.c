@@ -23,7 +23,7 @@ static struct bb_gamepad_hid *of_core(struct bb_pad_core *core)
 
 /* Opening: the bus, then what the device says about itself. ---------------------------------------------------- */
 
-/* lg2ff's way: the first output report of seven values carries the rumble, whatever its id. */
+/* The kernel's way: the first output report of seven values carries the rumble, whatever its id. */
 static void find_rumble(struct bb_gamepad_hid *hid, const struct bb_hid_layout *l)
 {
 	hid->base.limits.has_rumble = false;
@@ -172,13 +172,13 @@ static enum bb_status hid_rumble(struct bb_gamepad *g, float strong, float weak)
 	enum bb_status status = bb_pad_core_ready(&hid->core, "rumble");
 	if (status != BB_OK)
 		return status;
-	bb_pad_encode_rumble(hid->rumble_id, strong, weak, report);
+	bb_pad_encode_rumble(hid->kind, hid->rumble_id, strong, weak, report);
 	status = hid->bus->ops->write(hid->bus, report, sizeof(report));
 	if (status == BB_ERR_LOST)
 		return bb_pad_core_gone(&hid->core, "rumble");
 	if (status != BB_OK)
 		return bb_device_fail(&g->dev, status, "rumble", "the pad refused the report");
-	hid->rumbling = report[1] == PAD_WIRE_RUMBLE_SET;
+	hid->rumbling = strong > 0 || weak > 0;
 	return BB_OK;
 }
 

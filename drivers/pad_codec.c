@@ -156,14 +156,20 @@ static uint8_t strength(float v)
 	return (uint8_t)lroundf(fmaxf(0, fminf(1, v)) * 255);
 }
 
-void bb_pad_encode_rumble(uint8_t report_id, float strong, float weak, uint8_t out[BB_PAD_RUMBLE_BYTES])
+void bb_pad_encode_rumble(enum bb_pad_kind kind, uint8_t report_id, float strong, float weak,
+                          uint8_t out[BB_PAD_RUMBLE_BYTES])
 {
+	const uint8_t s = strength(strong), w = strength(weak);
+
 	memset(out, 0, BB_PAD_RUMBLE_BYTES);
 	out[0] = report_id;
-	out[1] = PAD_WIRE_RUMBLE_STOP;
-	if (!strength(strong) && !strength(weak))
+	if (kind == BB_PAD_KIND_RUMBLEPAD2_WIRELESS) {
+		out[1] = PAD_WIRE_RUMBLE_WIRELESS;
+		out[3] = w;
+		out[4] = s;
 		return;
-	out[1] = PAD_WIRE_RUMBLE_SET;
-	out[3] = strength(weak);
-	out[5] = strength(strong);
+	}
+	out[1] = s || w ? PAD_WIRE_RUMBLE_SET : PAD_WIRE_RUMBLE_STOP;
+	out[3] = w;
+	out[5] = s;
 }

@@ -29,6 +29,7 @@ enum bb_pad_said bb_pad_decode(enum bb_pad_kind kind, const uint8_t *report, siz
                                float *battery);
 
 #define BB_PAD_RUMBLE_BYTES 8 /* report id first, as hidapi and hidraw want it; 0: the device has none */
-void bb_pad_encode_rumble(uint8_t report_id, float strong, float weak, uint8_t out[BB_PAD_RUMBLE_BYTES]);
+void bb_pad_encode_rumble(enum bb_pad_kind kind, uint8_t report_id, float strong, float weak,
+                          uint8_t out[BB_PAD_RUMBLE_BYTES]);
 
 #endif

@@ -34,8 +34,9 @@ enum {
 	PAD_WIRE_RUMBLEPAD_CENTRE_Y = 0x7F,
 	PAD_WIRE_HAT_UP = 0,                        /* and clockwise to 7 */
 	PAD_WIRE_HAT_CENTRE = 8,
-	PAD_WIRE_RUMBLE_SET = 0x51,                 /* 51 00 weak 00 strong 00 00 */
+	PAD_WIRE_RUMBLE_SET = 0x51,                 /* wired: 51 00 weak 00 strong 00 00 (the kernel's lg2ff) */
 	PAD_WIRE_RUMBLE_STOP = 0xF3,                /* F3 00 00 00 00 00 00 */
+	PAD_WIRE_RUMBLE_WIRELESS = 0x42,            /* wireless: 42 00 weak strong 00 00 00 (lgff, which has C219) */
 	PAD_WIRE_RUMBLE_BYTES = 7,
 
 	/* 3Dconnexion: report ids. */

@@ -186,20 +186,21 @@ static bool sim_range(struct bb_input_bus *bus, unsigned int axis, struct bb_inp
 	return false;
 }
 
-/* The kernel's drivers write to the pad: lg2ff a report, xpad a packet. */
+/* The kernel's drivers write to the pad: lg2ff and lgff a report, xpad a packet. */
 static enum bb_status sim_rumble(struct bb_input_bus *bus, uint16_t strong, uint16_t weak)
 {
 	struct sim_input_bus *b = of(bus);
-	const uint8_t s = (uint8_t)(strong >> 8), w = (uint8_t)(weak >> 8), id = sim_peer_pad_kind(b->peer) == SIM_PEER_RUMBLEPAD2_WIRELESS;
-	const uint8_t hid[8] = { id, s || w ? 0x51 : 0xF3, 0, w, 0, s, 0, 0 };
+	const uint8_t s = (uint8_t)(strong >> 8), w = (uint8_t)(weak >> 8);
+	const uint8_t wired[8] = { 0x00, s || w ? 0x51 : 0xF3, 0x00, w, 0x00, s }, wireless[8] = { 0x01, 0x42, 0x00, w, s };
 	const uint8_t usb[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, s, w };
 
 	if (!b->tr->motors)
 		return BB_ERR_UNSUPPORTED;
 	if (stale(b))
 		return BB_ERR_LOST;
-	return sim_peer_pad_kind(b->peer) == SIM_PEER_XBOX_PAD ? sim_peer_pad_give(b->peer, usb, sizeof(usb))
-	                                                       : sim_peer_pad_give(b->peer, hid, sizeof(hid));
+	if (sim_peer_pad_kind(b->peer) == SIM_PEER_XBOX_PAD)
+		return sim_peer_pad_give(b->peer, usb, sizeof(usb));
+	return sim_peer_pad_give(b->peer, sim_peer_pad_kind(b->peer) == SIM_PEER_RUMBLEPAD2_WIRELESS ? wireless : wired, 8);
 }
 
 static void sim_close(struct bb_input_bus *bus)

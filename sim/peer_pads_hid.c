@@ -47,19 +47,27 @@ static void send_wireless(struct sim_peer_pad *p, const struct peer_values *v)
 	sim_peer_emit(p, report, sizeof(report));
 }
 
-/* Both motors from one report of seven values; anything else is not for them. */
+static void motors(struct sim_peer_pad *p, uint8_t strong, uint8_t weak)
+{
+	p->has_rumbled = true;
+	p->strong = (float)strong / 255;
+	p->weak = (float)weak / 255;
+}
+
+/* Both motors from one report of seven values: 51 and F3, on the wireless one 42 as well. Others are swallowed. */
 static enum bb_status give_rumblepad(struct sim_peer_pad *p, const uint8_t *bytes, size_t n)
 {
-	const uint8_t id = p->kind == SIM_PEER_RUMBLEPAD2_WIRELESS ? PAD_WIRE_RUMBLEPAD_ID : 0;
-
-	if (n != 1 + PAD_WIRE_RUMBLE_BYTES || bytes[0] != id)
-		return BB_ERR_IO;
+	const bool wireless = p->kind == SIM_PEER_RUMBLEPAD2_WIRELESS;
 	const uint8_t *v = bytes + 1;
-	if (v[0] != PAD_WIRE_RUMBLE_SET && v[0] != PAD_WIRE_RUMBLE_STOP)
-		return BB_OK; /* swallowed, as other commands of the maker would be */
-	p->has_rumbled = true;
-	p->weak = v[0] == PAD_WIRE_RUMBLE_SET ? (float)v[2] / 255 : 0;
-	p->strong = v[0] == PAD_WIRE_RUMBLE_SET ? (float)v[4] / 255 : 0;
+
+	if (n != 1 + PAD_WIRE_RUMBLE_BYTES || bytes[0] != (wireless ? PAD_WIRE_RUMBLEPAD_ID : 0))
+		return BB_ERR_IO;
+	if (v[0] == PAD_WIRE_RUMBLE_SET)
+		motors(p, v[4], v[2]);
+	else if (v[0] == PAD_WIRE_RUMBLE_STOP)
+		motors(p, 0, 0);
+	else if (v[0] == PAD_WIRE_RUMBLE_WIRELESS && wireless)
+		motors(p, v[3], v[2]);
 	return BB_OK;
 }
 

@@ -100,13 +100,15 @@ static void test_rumble_is_written(void **state)
 {
 	(void)state;
 	static const uint8_t on[8] = { 0x00, 0x51, 0x00, 0x80, 0x00, 0xFF, 0x00, 0x00 };
-	static const uint8_t off[8] = { 0x01, 0xF3, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00 };
+	static const uint8_t off[8] = { 0x00, 0xF3 }, wireless[8] = { 0x01, 0x42, 0x00, 0x80, 0xFF };
 	uint8_t out[BB_PAD_RUMBLE_BYTES];
 
-	bb_pad_encode_rumble(0, 1, 0.5f, out);
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRED, 0, 1, 0.5f, out);
 	assert_memory_equal(out, on, sizeof(on));
-	bb_pad_encode_rumble(1, 0, 0, out);
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRED, 0, 0, 0, out);
 	assert_memory_equal(out, off, sizeof(off));
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRELESS, 1, 1, 0.5f, out);
+	assert_memory_equal(out, wireless, sizeof(wireless));
 }
 
 static const struct {
