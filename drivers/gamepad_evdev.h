@@ -17,7 +17,7 @@
 
 struct bb_input_port { /* where buses come from */
 	enum bb_status (*open)(void *ctx, const struct bb_input_identity *wanted, struct bb_clock *clk,
-	                       struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err);
+			       struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err);
 	void *ctx;
 };
 
@@ -32,7 +32,7 @@ struct bb_gamepad_evdev {
 	struct bb_input_identity wanted;
 	struct bb_input_bus *bus;
 	char mapping_file[64];
-	struct bb_sdl_mapping mapping; /* n == 0: none */
+	struct bb_sdl_mapping mapping;    /* n == 0: none */
 	size_t n_buttons, n_axes, n_hats; /* as SDL counts them */
 	uint16_t button[64], axis[BB_EVDEV_AXES];
 	struct bb_input_range range[BB_EVDEV_AXES];
@@ -46,7 +46,7 @@ extern const struct bb_gamepad_ops bb_gamepad_evdev_ops;
 
 /* What ops->open does, with buses from elsewhere: a test's own ops table has an open that calls this. */
 BB_MUST_CHECK enum bb_status bb_gamepad_evdev_open_on(struct bb_gamepad *g, const struct bb_open *open,
-                                                      const struct bb_input_port *port);
+						      const struct bb_input_port *port);
 const struct bb_pad_core *bb_gamepad_evdev_core(const struct bb_gamepad *g);
 
 #endif

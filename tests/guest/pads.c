@@ -1,6 +1,6 @@
 /*
- * tests/guest/pads.c: in a guest: gamepads before the kernel, read by the shipped drivers, made to rumble, unplugged and
- * plugged in again.
+ * tests/guest/pads.c: in a guest: gamepads before the kernel, read by the shipped drivers, made to rumble, unplugged
+ * and plugged in again.
  *
  *   pads uhid [CYCLES]   each HID pad as a uhid device, read through hidapi (hidraw) and libevdev at once
  *   pads usb [CYCLES]    each as a USB device behind vhci (usbhid, hid-logitech with its motors), likewise; and an Xbox
@@ -35,18 +35,34 @@ static const struct kind {
 	enum sim_peer_kind kind;
 	const char *name;
 	enum bb_pad_model model;
-	bool usb;                /* on vhci only */
-	const char *uri[N_BY];   /* NULL: not read that way */
+	bool usb;              /* on vhci only */
+	const char *uri[N_BY]; /* NULL: not read that way */
 } kinds[] = {
-	{ SIM_PEER_RUMBLEPAD2_WIRED, "rumblepad2-wired", BB_PAD_RUMBLEPAD2, false,
+	{ SIM_PEER_RUMBLEPAD2_WIRED,
+	  "rumblepad2-wired",
+	  BB_PAD_RUMBLEPAD2,
+	  false,
 	  { "hid:046d:c218", "evdev:046d:c218", NULL } },
-	{ SIM_PEER_RUMBLEPAD2_WIRELESS, "rumblepad2-wireless", BB_PAD_RUMBLEPAD2, false,
+	{ SIM_PEER_RUMBLEPAD2_WIRELESS,
+	  "rumblepad2-wireless",
+	  BB_PAD_RUMBLEPAD2,
+	  false,
 	  { "hid:046d:c219", "evdev:046d:c219", NULL } },
-	{ SIM_PEER_SPACENAVIGATOR, "spacenavigator", BB_PAD_SPACEMOUSE, false,
+	{ SIM_PEER_SPACENAVIGATOR,
+	  "spacenavigator",
+	  BB_PAD_SPACEMOUSE,
+	  false,
 	  { "hid:046d:c626", "evdev:046d:c626", NULL } },
-	{ SIM_PEER_SPACEMOUSE_WIRELESS, "spacemouse-wireless", BB_PAD_SPACEMOUSE, false,
+	{ SIM_PEER_SPACEMOUSE_WIRELESS,
+	  "spacemouse-wireless",
+	  BB_PAD_SPACEMOUSE,
+	  false,
 	  { "hid:256f:c62e", "evdev:256f:c62e", NULL } },
-	{ SIM_PEER_XBOX_PAD, "xbox360-xpad", BB_PAD_XBOX360, true, { NULL, "evdev:045e:02a1", NULL } }, /* as xpad calls the pads of a receiver */
+	{ SIM_PEER_XBOX_PAD,
+	  "xbox360-xpad",
+	  BB_PAD_XBOX360,
+	  true,
+	  { NULL, "evdev:045e:02a1", NULL } }, /* as xpad calls the pads of a receiver */
 	{ SIM_PEER_XBOX_PAD, "xbox360-receiver", BB_PAD_XBOX360, true, { NULL, NULL, "usb:045e:0719?slot=1" } },
 };
 
@@ -250,7 +266,7 @@ static void fail(struct reader *r, const char *why)
 static void open_reader(struct bench *b, struct reader *r)
 {
 	static const struct bb_gamepad_driver *const drivers[N_BY] = { &bb_gamepad_hid_driver, &bb_gamepad_evdev_driver,
-		                                                       &bb_gamepad_xusb_driver };
+								       &bb_gamepad_xusb_driver };
 	struct bb_gamepad_config c = { .id = "pad", .model = b->kind->model };
 	enum bb_status status = BB_ERR_LOST;
 
@@ -316,8 +332,8 @@ static void wait_status(struct bench *b, bool lost, int64_t worst_ns[N_BY])
 
 static void cycle(struct bench *b, int i)
 {
-	/* The kernel takes some 50 ms to take a uhid device away; from there on it is the readers' time. Behind vhci its
-	 * hub looks at its ports now and then. */
+	/* The kernel takes some 50 ms to take a uhid device away; from there on it is the readers' time. Behind vhci
+	 * its hub looks at its ports now and then. */
 	const int64_t most_ns = b->wire.usb ? 500 * MS : 50 * MS;
 
 	wire_plug(&b->wire, false);
@@ -331,7 +347,8 @@ static void cycle(struct bench *b, int i)
 	pass(b, 300 * MS);
 	if (i % 4 != 3)
 		return;
-	for (int r = 0; r < N_BY; r++) { /* more than five returns in a minute are a quarantine: a person opens it again */
+	for (int r = 0; r < N_BY;
+	     r++) { /* more than five returns in a minute are a quarantine: a person opens it again */
 		close_reader(&b->reader[r]);
 		open_reader(b, &b->reader[r]);
 	}
@@ -386,10 +403,11 @@ static bool print(const struct bench *b, bool *first)
 		if (!b->kind->uri[i])
 			continue;
 		printf("%s{\"pad\":\"%s\",\"by\":\"%s\",\"ok\":%s,\"reports\":%ld,\"rumbles\":%s,\"late_most_us\":%.1f,"
-		       "\"lost_ms\":%.1f,\"back_ms\":%.1f%s%s%s}", *first ? "" : ",", b->kind->name, by_names[i],
-		       r->failure ? "false" : "true", r->reports, r->rumbles ? "true" : "false", (double)r->late_most_ns * 1e-3,
-		       (double)b->lost_ns[i] * 1e-6, (double)b->back_ns[i] * 1e-6, r->failure ? ",\"why\":\"" : "",
-		       r->failure ? r->failure : "", r->failure ? "\"" : "");
+		       "\"lost_ms\":%.1f,\"back_ms\":%.1f%s%s%s}",
+		       *first ? "" : ",", b->kind->name, by_names[i], r->failure ? "false" : "true", r->reports,
+		       r->rumbles ? "true" : "false", (double)r->late_most_ns * 1e-3, (double)b->lost_ns[i] * 1e-6,
+		       (double)b->back_ns[i] * 1e-6, r->failure ? ",\"why\":\"" : "", r->failure ? r->failure : "",
+		       r->failure ? "\"" : "");
 		*first = false;
 		ok &= !r->failure;
 	}
