@@ -119,7 +119,7 @@ static enum bb_status open_node(const struct hid_device_info *info, struct bb_cl
 }
 
 enum bb_status bb_bus_hid_open(const struct bb_hid_identity *wanted, struct bb_clock *clk, struct bb_hid_bus **out,
-                               struct bb_hid_identity *found, struct bb_error *err)
+			       struct bb_hid_identity *found, struct bb_error *err)
 {
 	enum bb_status status = BB_ERR_LOST;
 
@@ -142,6 +142,6 @@ enum bb_status bb_bus_hid_open(const struct bb_hid_identity *wanted, struct bb_c
 	hid_free_enumeration(all);
 	if (status == BB_ERR_LOST)
 		(void)bb_fail(err, status, 1562, NULL, "no HID device %04x:%04x%s%s", wanted->vendor, wanted->product,
-		              wanted->serial[0] ? " with serial " : "", wanted->serial);
+			      wanted->serial[0] ? " with serial " : "", wanted->serial);
 	return status;
 }

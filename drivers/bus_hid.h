@@ -17,7 +17,7 @@ struct bb_hid_identity {
 
 /* The first device that fits. BB_ERR_LOST: none is there (1562); BB_ERR_IO: it may not be used (1563). */
 BB_MUST_CHECK enum bb_status bb_bus_hid_open(const struct bb_hid_identity *wanted, struct bb_clock *clk,
-                                             struct bb_hid_bus **out, struct bb_hid_identity *found,
-                                             struct bb_error *err);
+					     struct bb_hid_bus **out, struct bb_hid_identity *found,
+					     struct bb_error *err);
 
 #endif

@@ -112,9 +112,12 @@ static void describe(struct libevdev *dev, const char *path, struct bb_input_ide
 {
 	const char *serial = libevdev_get_uniq(dev);
 
-	*id = (struct bb_input_identity){ (uint16_t)libevdev_get_id_bustype(dev), (uint16_t)libevdev_get_id_vendor(dev),
-		                          (uint16_t)libevdev_get_id_product(dev),
-		                          (uint16_t)libevdev_get_id_version(dev), "", "" };
+	*id = (struct bb_input_identity){ (uint16_t)libevdev_get_id_bustype(dev),
+					  (uint16_t)libevdev_get_id_vendor(dev),
+					  (uint16_t)libevdev_get_id_product(dev),
+					  (uint16_t)libevdev_get_id_version(dev),
+					  "",
+					  "" };
 	for (size_t i = 0; serial && serial[i] && i + 1 < sizeof(id->serial); i++)
 		id->serial[i] = serial[i] > ' ' && serial[i] < 127 ? serial[i] : '_';
 	snprintf(id->path, sizeof(id->path), "%s", path);
@@ -131,7 +134,7 @@ static bool fits(const struct bb_input_identity *id, const struct bb_input_ident
 
 /* BB_SKIPPED: another device. */
 static enum bb_status try_node(const char *path, const struct bb_input_identity *wanted, struct bb_clock *clk,
-                               struct bb_input_bus **out, struct bb_input_identity *found)
+			       struct bb_input_bus **out, struct bb_input_identity *found)
 {
 	struct libevdev *dev = NULL;
 	int fd = open(path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
@@ -158,7 +161,7 @@ static enum bb_status try_node(const char *path, const struct bb_input_identity 
 }
 
 enum bb_status bb_bus_input_open(const struct bb_input_identity *wanted, struct bb_clock *clk,
-                                 struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err)
+				 struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err)
 {
 	enum bb_status status = BB_ERR_LOST, refused = BB_OK;
 	char path[64];
@@ -168,8 +171,8 @@ enum bb_status bb_bus_input_open(const struct bb_input_identity *wanted, struct 
 		status = try_node(wanted->path, wanted, clk, out, found);
 		if (status == BB_OK)
 			return status;
-		return bb_fail(err, status == BB_ERR_LOST ? status : BB_ERR_IO, status == BB_ERR_LOST ? 1562 : 1563, NULL,
-		               "%s: %s", wanted->path, strerror(errno));
+		return bb_fail(err, status == BB_ERR_LOST ? status : BB_ERR_IO, status == BB_ERR_LOST ? 1562 : 1563,
+			       NULL, "%s: %s", wanted->path, strerror(errno));
 	}
 	for (int i = 0; i < NODES_MAX; i++) {
 		snprintf(path, sizeof(path), "/dev/input/event%d", i);
@@ -180,6 +183,6 @@ enum bb_status bb_bus_input_open(const struct bb_input_identity *wanted, struct 
 			refused = status;
 	}
 	return bb_fail(err, refused == BB_OK ? BB_ERR_LOST : BB_ERR_IO, refused == BB_OK ? 1562 : 1563, NULL,
-	               "no input device %04x:%04x%s", wanted->vendor, wanted->product,
-	               refused == BB_OK ? "" : " among those that may be opened");
+		       "no input device %04x:%04x%s", wanted->vendor, wanted->product,
+		       refused == BB_OK ? "" : " among those that may be opened");
 }

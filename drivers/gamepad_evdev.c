@@ -58,7 +58,8 @@ static void learn(struct bb_gamepad_evdev *e)
 static double axis_value(const struct bb_gamepad_evdev *e, unsigned int code)
 {
 	const struct bb_input_range *r = &e->range[code];
-	const int64_t sum = (int64_t)r->least + r->most, at = 2 * (int64_t)e->value[code] - sum, span = (int64_t)r->most - r->least;
+	const int64_t sum = (int64_t)r->least + r->most, at = 2 * (int64_t)e->value[code] - sum,
+		      span = (int64_t)r->most - r->least;
 
 	if (span <= 0 || (span & 1 && (at == 1 || at == -1)))
 		return 0;
@@ -88,7 +89,8 @@ static void plain_cross(const struct bb_gamepad_evdev *e, struct bb_pad_sample *
 
 static void plain_sample(const struct bb_gamepad_evdev *e, struct bb_pad_sample *s)
 {
-	const bool second = e->range[ABS_RX].most > e->range[ABS_RX].least && e->range[ABS_RY].most > e->range[ABS_RY].least;
+	const bool second =
+		e->range[ABS_RX].most > e->range[ABS_RX].least && e->range[ABS_RY].most > e->range[ABS_RY].least;
 
 	s->count[0] = count_of(axis_value(e, ABS_X));
 	s->count[1] = count_of(axis_value(e, ABS_Y));
@@ -271,7 +273,7 @@ static enum bb_status evdev_rumble(struct bb_gamepad *g, float strong, float wea
 }
 
 enum bb_status bb_gamepad_evdev_open_on(struct bb_gamepad *g, const struct bb_open *open,
-                                        const struct bb_input_port *port)
+					const struct bb_input_port *port)
 {
 	static const int32_t pad_steps[BB_PAD_AXES] = { STEPS, STEPS, STEPS, STEPS, 1, 1 };
 	static const int32_t space_steps[BB_PAD_AXES] = { STEPS, STEPS, STEPS, STEPS, STEPS, STEPS };
@@ -282,7 +284,8 @@ enum bb_status bb_gamepad_evdev_open_on(struct bb_gamepad *g, const struct bb_op
 	if (status != BB_OK)
 		return status;
 	if (!uri.has_identity && (uri.path[0] != '/' || strlen(uri.path) >= sizeof(e->wanted.path)))
-		return bb_pad_uri_fail(&g->dev, open, "names no input device: evdev:/dev/input/event3 or evdev:046d:c219");
+		return bb_pad_uri_fail(&g->dev, open,
+				       "names no input device: evdev:/dev/input/event3 or evdev:046d:c219");
 	e->port = *port;
 	e->log = open->log;
 	e->wanted = (struct bb_input_identity){ .vendor = uri.vendor, .product = uri.product };
@@ -296,7 +299,7 @@ enum bb_status bb_gamepad_evdev_open_on(struct bb_gamepad *g, const struct bb_op
 }
 
 static enum bb_status open_node(void *ctx, const struct bb_input_identity *wanted, struct bb_clock *clk,
-                                struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err)
+				struct bb_input_bus **out, struct bb_input_identity *found, struct bb_error *err)
 {
 	(void)ctx;
 	return bb_bus_input_open(wanted, clk, out, found, err);
@@ -317,10 +320,11 @@ static void evdev_close(struct bb_gamepad *g)
 
 const struct bb_pad_core *bb_gamepad_evdev_core(const struct bb_gamepad *g)
 {
-	return &((const struct bb_gamepad_evdev *)(const void *)((const char *)g - offsetof(struct bb_gamepad_evdev, base)))
-	                ->core;
+	return &((const struct bb_gamepad_evdev *)(const void *)((const char *)g -
+								 offsetof(struct bb_gamepad_evdev, base)))
+			->core;
 }
 
 const struct bb_gamepad_ops bb_gamepad_evdev_ops = { evdev_open, evdev_close, evdev_read, evdev_rumble };
 const struct bb_gamepad_driver bb_gamepad_evdev_driver = { "evdev", sizeof(struct bb_gamepad_evdev),
-	                                                   &bb_gamepad_evdev_ops };
+							   &bb_gamepad_evdev_ops };

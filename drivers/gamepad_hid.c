@@ -23,7 +23,7 @@ static struct bb_gamepad_hid *of_core(struct bb_pad_core *core)
 
 /* Opening: the bus, then what the device says about itself. ---------------------------------------------------- */
 
-/* lg2ff's way: the first output report of seven values carries the rumble, whatever its id. */
+/* The kernel's way: the first output report of seven values carries the rumble, whatever its id. */
 static void find_rumble(struct bb_gamepad_hid *hid, const struct bb_hid_layout *l)
 {
 	hid->base.limits.has_rumble = false;
@@ -42,8 +42,9 @@ static enum bb_status check_layout(struct bb_gamepad_hid *hid, const struct bb_h
 	const struct bb_hid_report *r = bb_hid_layout_report(l, BB_HID_INPUT, id);
 
 	if (!r || bb_hid_report_bytes(r) < least || bb_hid_report_bytes(r) > REPORT_BYTES_MAX)
-		return bb_fail(err, BB_ERR_FORMAT, 1561, NULL, "%s: DESC_REJECT input report %u has %zu bytes, want %zu to %d",
-		               hid->base.config.id, id, r ? bb_hid_report_bytes(r) : 0, least, REPORT_BYTES_MAX);
+		return bb_fail(err, BB_ERR_FORMAT, 1561, NULL,
+			       "%s: DESC_REJECT input report %u has %zu bytes, want %zu to %d", hid->base.config.id, id,
+			       r ? bb_hid_report_bytes(r) : 0, least, REPORT_BYTES_MAX);
 	find_rumble(hid, l);
 	r = bb_hid_layout_report(l, BB_HID_INPUT, PAD_WIRE_SPACE_BATTERY);
 	hid->base.limits.has_battery = hid->kind == BB_PAD_KIND_SPACE && r;
@@ -172,13 +173,13 @@ static enum bb_status hid_rumble(struct bb_gamepad *g, float strong, float weak)
 	enum bb_status status = bb_pad_core_ready(&hid->core, "rumble");
 	if (status != BB_OK)
 		return status;
-	bb_pad_encode_rumble(hid->rumble_id, strong, weak, report);
+	bb_pad_encode_rumble(hid->kind, hid->rumble_id, strong, weak, report);
 	status = hid->bus->ops->write(hid->bus, report, sizeof(report));
 	if (status == BB_ERR_LOST)
 		return bb_pad_core_gone(&hid->core, "rumble");
 	if (status != BB_OK)
 		return bb_device_fail(&g->dev, status, "rumble", "the pad refused the report");
-	hid->rumbling = report[1] == PAD_WIRE_RUMBLE_SET;
+	hid->rumbling = strong > 0 || weak > 0;
 	return BB_OK;
 }
 
@@ -201,7 +202,7 @@ enum bb_status bb_gamepad_hid_open_on(struct bb_gamepad *g, const struct bb_open
 }
 
 static enum bb_status open_node(void *ctx, const struct bb_hid_identity *wanted, struct bb_clock *clk,
-                                struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err)
+				struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err)
 {
 	(void)ctx;
 	return bb_bus_hid_open(wanted, clk, out, found, err);
@@ -222,7 +223,8 @@ static void hid_close_pad(struct bb_gamepad *g)
 
 const struct bb_pad_core *bb_gamepad_hid_core(const struct bb_gamepad *g)
 {
-	return &((const struct bb_gamepad_hid *)(const void *)((const char *)g - offsetof(struct bb_gamepad_hid, base)))->core;
+	return &((const struct bb_gamepad_hid *)(const void *)((const char *)g - offsetof(struct bb_gamepad_hid, base)))
+			->core;
 }
 
 const struct bb_gamepad_ops bb_gamepad_hid_ops = { hid_open_real, hid_close_pad, hid_read_reports, hid_rumble };

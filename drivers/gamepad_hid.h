@@ -12,7 +12,7 @@
 
 struct bb_hid_port { /* where buses come from */
 	enum bb_status (*open)(void *ctx, const struct bb_hid_identity *wanted, struct bb_clock *clk,
-	                       struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err);
+			       struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err);
 	void *ctx;
 };
 
@@ -24,8 +24,8 @@ struct bb_gamepad_hid {
 	struct bb_hid_identity wanted;
 	struct bb_hid_bus *bus;
 	enum bb_pad_kind kind;
-	struct bb_pad_sample state;  /* as the device says it */
-	bool has_part;               /* its move is known, its turn is due */
+	struct bb_pad_sample state; /* as the device says it */
+	bool has_part;              /* its move is known, its turn is due */
 	int64_t part_ns;
 	uint8_t rumble_id;
 	bool rumbling;
@@ -36,7 +36,7 @@ extern const struct bb_gamepad_ops bb_gamepad_hid_ops;
 
 /* What ops->open does, with buses from elsewhere: a test's own ops table has an open that calls this. */
 BB_MUST_CHECK enum bb_status bb_gamepad_hid_open_on(struct bb_gamepad *g, const struct bb_open *open,
-                                                    const struct bb_hid_port *port);
+						    const struct bb_hid_port *port);
 const struct bb_pad_core *bb_gamepad_hid_core(const struct bb_gamepad *g);
 
 #endif

@@ -8,8 +8,8 @@
 #include "drivers/pad_wire.h"
 
 #define PACKET_BYTES_MAX 64
-#define ASK_NS INT64_C(1000000000) /* a pad that says nothing about itself is asked once a second */
-#define LED_FIRST 6                /* "pad n on" */
+#define ASK_NS INT64_C(1000000000)  /* a pad that says nothing about itself is asked once a second */
+#define LED_FIRST 6                 /* "pad n on" */
 #define OPEN_NS INT64_C(2000000000) /* the first opening may wait that long; later ones never wait */
 
 static struct bb_gamepad_xusb *of(struct bb_gamepad *g)
@@ -55,7 +55,8 @@ static enum bb_status source_open(struct bb_pad_core *core)
 	struct bb_gamepad_xusb *x = of_core(core);
 	struct bb_gamepad *g = &x->base;
 	const bool first = core->health == BB_HEALTH_INIT;
-	enum bb_status status = x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + (first ? OPEN_NS : 0), &x->bus);
+	enum bb_status status =
+		x->host->open(x->host, &x->match, g->dev.clk, now_of(x) + (first ? OPEN_NS : 0), &x->bus);
 
 	if (status == BB_TIMEOUT && !first)
 		return status;
@@ -63,7 +64,8 @@ static enum bb_status source_open(struct bb_pad_core *core)
 		status = BB_ERR_LOST;
 	if (status != BB_OK) {
 		struct bb_error err = { 0 };
-		(void)bb_fail(&err, status, status == BB_ERR_LOST ? 1562 : 1563, NULL, "%s: %s", g->config.id, x->host->why);
+		(void)bb_fail(&err, status, status == BB_ERR_LOST ? 1562 : 1563, NULL, "%s: %s", g->config.id,
+			      x->host->why);
 		if (first)
 			bb_log(x->log, BB_LOG_ERROR, BB_BLAME_DEVICE, g->config.id, "%s", err.text);
 		return bb_device_fail(&g->dev, status, "open", "%.90s", err.text);
@@ -141,7 +143,8 @@ static enum bb_status source_pull(struct bb_pad_core *core)
 	struct bb_gamepad_xusb *x = of_core(core);
 	uint8_t bytes[PACKET_BYTES_MAX];
 	size_t n = sizeof(bytes);
-	const enum bb_status status = x->bus->ops->transfer(x->bus, (uint8_t)(0x80 | x->endpoint), bytes, &n, now_of(x));
+	const enum bb_status status =
+		x->bus->ops->transfer(x->bus, (uint8_t)(0x80 | x->endpoint), bytes, &n, now_of(x));
 
 	if (status != BB_OK)
 		return quiet(x, status);
@@ -187,8 +190,9 @@ enum bb_status bb_gamepad_xusb_open_on(struct bb_gamepad *g, const struct bb_ope
 	x->log = open->log;
 	x->slot = (unsigned int)uri.slot;
 	x->endpoint = (uint8_t)(2 * x->slot - 1);
-	x->match = (struct bb_usb_match){ .vendor = uri.vendor, .product = uri.product,
-		                          .interface = (uint8_t)(2 * (x->slot - 1)) };
+	x->match = (struct bb_usb_match){ .vendor = uri.vendor,
+					  .product = uri.product,
+					  .interface = (uint8_t)(2 * (x->slot - 1)) };
 	_Static_assert(sizeof(x->match.serial) == sizeof(uri.serial), "one length of serial numbers");
 	for (size_t i = 0; i < sizeof(uri.serial); i++)
 		x->match.serial[i] = uri.serial[i];
@@ -217,8 +221,9 @@ static void xusb_close(struct bb_gamepad *g)
 
 const struct bb_pad_core *bb_gamepad_xusb_core(const struct bb_gamepad *g)
 {
-	return &((const struct bb_gamepad_xusb *)(const void *)((const char *)g - offsetof(struct bb_gamepad_xusb, base)))
-	                ->core;
+	return &((const struct bb_gamepad_xusb *)(const void *)((const char *)g -
+								offsetof(struct bb_gamepad_xusb, base)))
+			->core;
 }
 
 const struct bb_gamepad_ops bb_gamepad_xusb_ops = { xusb_open, xusb_close, xusb_read, xusb_rumble };

@@ -16,8 +16,8 @@ struct bb_gamepad_xusb {
 	const struct bb_log *log;
 	struct bb_usb_match match;
 	struct bb_usb_bus *bus;
-	uint8_t endpoint;          /* of its slot, OUT */
-	unsigned int slot;         /* 1..4 */
+	uint8_t endpoint;  /* of its slot, OUT */
+	unsigned int slot; /* 1..4 */
 	bool asked, present;
 	int64_t asked_ns;
 	bool rumbling;
@@ -28,7 +28,7 @@ extern const struct bb_gamepad_ops bb_gamepad_xusb_ops;
 
 /* What ops->open does, on another host: a test's own ops table has an open that calls this. */
 BB_MUST_CHECK enum bb_status bb_gamepad_xusb_open_on(struct bb_gamepad *g, const struct bb_open *open,
-                                                     struct bb_usb_host *host);
+						     struct bb_usb_host *host);
 const struct bb_pad_core *bb_gamepad_xusb_core(const struct bb_gamepad *g);
 
 #endif

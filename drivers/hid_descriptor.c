@@ -1,4 +1,5 @@
-/* drivers/hid_descriptor.c: see drivers/hid_descriptor.h. Names of items as in the HID 1.11 definition, section 6.2.2. */
+/* drivers/hid_descriptor.c: see drivers/hid_descriptor.h. Names of items as in the HID 1.11 definition, section 6.2.2.
+ */
 #include "drivers/hid_descriptor.h"
 
 enum { ITEM_MAIN, ITEM_GLOBAL, ITEM_LOCAL, ITEM_LONG };
@@ -31,7 +32,8 @@ struct item {
 
 static enum bb_status reject(struct walker *w, const char *why)
 {
-	return bb_fail(w->err, BB_ERR_FORMAT, 1560, NULL, "%s: DESC_REJECT at byte %zu: %s", w->device, w->item_at, why);
+	return bb_fail(w->err, BB_ERR_FORMAT, 1560, NULL, "%s: DESC_REJECT at byte %zu: %s", w->device, w->item_at,
+		       why);
 }
 
 static enum bb_status next_item(struct walker *w, struct item *it)
@@ -91,10 +93,18 @@ static enum bb_status add_field(struct walker *w, enum bb_hid_way way, uint32_t 
 	if (l->n_fields == BB_HID_FIELDS_MAX)
 		return reject(w, "more than 1024 fields");
 	l->field[l->n_fields++] = (struct bb_hid_field){
-		.way = way, .report_id = w->g.report_id, .constant = flags & 1, .variable = flags >> 1 & 1,
-		.usage_page = w->usage_page ? w->usage_page : w->g.usage_page, .usage_least = w->usage_least,
-		.usage_most = w->usage_most, .bit_offset = r->bits, .bits = w->g.size, .count = w->g.count,
-		.logical_least = w->g.logical_least, .logical_most = w->g.logical_most,
+		.way = way,
+		.report_id = w->g.report_id,
+		.constant = flags & 1,
+		.variable = flags >> 1 & 1,
+		.usage_page = w->usage_page ? w->usage_page : w->g.usage_page,
+		.usage_least = w->usage_least,
+		.usage_most = w->usage_most,
+		.bit_offset = r->bits,
+		.bits = w->g.size,
+		.count = w->g.count,
+		.logical_least = w->g.logical_least,
+		.logical_most = w->g.logical_most,
 	};
 	r->bits += (uint32_t)bits;
 	return BB_OK;
@@ -233,7 +243,7 @@ static enum bb_status walk(struct walker *w)
 }
 
 enum bb_status bb_hid_layout_parse(const uint8_t *bytes, size_t n, const char *device, struct bb_hid_layout *out,
-                                   struct bb_error *err)
+				   struct bb_error *err)
 {
 	struct walker w = { .bytes = bytes, .n = n, .device = device, .out = out, .err = err };
 

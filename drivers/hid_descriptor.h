@@ -18,22 +18,22 @@ enum bb_hid_way { BB_HID_INPUT, BB_HID_OUTPUT, BB_HID_FEATURE };
 
 struct bb_hid_field {
 	enum bb_hid_way way;
-	uint8_t report_id;              /* 0: the device has none */
+	uint8_t report_id; /* 0: the device has none */
 	bool constant, variable;
 	uint16_t usage_page, usage_least, usage_most;
-	uint32_t bit_offset;            /* in its report, after the id */
-	uint32_t bits, count;           /* of one value; how many */
+	uint32_t bit_offset;  /* in its report, after the id */
+	uint32_t bits, count; /* of one value; how many */
 	int32_t logical_least, logical_most;
 };
 
 struct bb_hid_report {
 	enum bb_hid_way way;
 	uint8_t id;
-	uint32_t bits;                  /* without the id */
+	uint32_t bits; /* without the id */
 };
 
 struct bb_hid_layout {
-	uint16_t usage_page, usage;     /* of the first application collection */
+	uint16_t usage_page, usage; /* of the first application collection */
 	size_t n_reports, n_fields;
 	struct bb_hid_report report[BB_HID_REPORTS_MAX];
 	struct bb_hid_field field[BB_HID_FIELDS_MAX];
@@ -41,7 +41,7 @@ struct bb_hid_layout {
 
 /* BB_ERR_FORMAT with error 1560, "DESC_REJECT at byte N: why". */
 BB_MUST_CHECK enum bb_status bb_hid_layout_parse(const uint8_t *bytes, size_t n, const char *device,
-                                                 struct bb_hid_layout *out, struct bb_error *err);
+						 struct bb_hid_layout *out, struct bb_error *err);
 /* NULL: no such report. */
 const struct bb_hid_report *bb_hid_layout_report(const struct bb_hid_layout *l, enum bb_hid_way way, uint8_t id);
 /* Bytes of a report on the wire, with its id byte when it has one. */

@@ -8,7 +8,7 @@
 
 static const int32_t rumblepad_steps[BB_PAD_AXES] = { 127, 127, 127, 127, 1, 1 };
 static const int32_t space_steps[BB_PAD_AXES] = { PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS,
-	                                          PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS };
+						  PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS, PAD_WIRE_SPACE_COUNTS };
 
 bool bb_pad_kind_of(uint16_t vendor, uint16_t product, enum bb_pad_kind *out)
 {
@@ -90,7 +90,9 @@ static int32_t word(const uint8_t *b)
 
 static int32_t held(int32_t v)
 {
-	return v < -PAD_WIRE_SPACE_COUNTS ? -PAD_WIRE_SPACE_COUNTS : v > PAD_WIRE_SPACE_COUNTS ? PAD_WIRE_SPACE_COUNTS : v;
+	return v < -PAD_WIRE_SPACE_COUNTS  ? -PAD_WIRE_SPACE_COUNTS
+	       : v > PAD_WIRE_SPACE_COUNTS ? PAD_WIRE_SPACE_COUNTS
+					   : v;
 }
 
 /* The maker's frame is x right, y towards the user, z down; ours is x right, y up, z towards the user. Both are
@@ -136,7 +138,7 @@ static enum bb_pad_said decode_space(const uint8_t *b, size_t n, struct bb_pad_s
 }
 
 enum bb_pad_said bb_pad_decode(enum bb_pad_kind kind, const uint8_t *report, size_t n, struct bb_pad_sample *sample,
-                               float *battery)
+			       float *battery)
 {
 	switch (kind) {
 	case BB_PAD_KIND_RUMBLEPAD2_WIRED:
@@ -156,14 +158,20 @@ static uint8_t strength(float v)
 	return (uint8_t)lroundf(fmaxf(0, fminf(1, v)) * 255);
 }
 
-void bb_pad_encode_rumble(uint8_t report_id, float strong, float weak, uint8_t out[BB_PAD_RUMBLE_BYTES])
+void bb_pad_encode_rumble(enum bb_pad_kind kind, uint8_t report_id, float strong, float weak,
+			  uint8_t out[BB_PAD_RUMBLE_BYTES])
 {
+	const uint8_t s = strength(strong), w = strength(weak);
+
 	memset(out, 0, BB_PAD_RUMBLE_BYTES);
 	out[0] = report_id;
-	out[1] = PAD_WIRE_RUMBLE_STOP;
-	if (!strength(strong) && !strength(weak))
+	if (kind == BB_PAD_KIND_RUMBLEPAD2_WIRELESS) {
+		out[1] = PAD_WIRE_RUMBLE_WIRELESS;
+		out[3] = w;
+		out[4] = s;
 		return;
-	out[1] = PAD_WIRE_RUMBLE_SET;
-	out[3] = strength(weak);
-	out[5] = strength(strong);
+	}
+	out[1] = s || w ? PAD_WIRE_RUMBLE_SET : PAD_WIRE_RUMBLE_STOP;
+	out[3] = w;
+	out[5] = s;
 }

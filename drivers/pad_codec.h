@@ -17,8 +17,8 @@ const int32_t *bb_pad_kind_steps(enum bb_pad_kind kind);
 size_t bb_pad_kind_report_bytes(enum bb_pad_kind kind, uint8_t *id_out);
 
 enum bb_pad_said {
-	BB_PAD_SAID_STATE,   /* the sample is complete */
-	BB_PAD_SAID_PART,    /* half of it: the turning follows in a report of its own */
+	BB_PAD_SAID_STATE, /* the sample is complete */
+	BB_PAD_SAID_PART,  /* half of it: the turning follows in a report of its own */
 	BB_PAD_SAID_BATTERY,
 	BB_PAD_SAID_NOTHING, /* a report of that device which says nothing about the hand */
 	BB_PAD_SAID_BAD,
@@ -26,9 +26,10 @@ enum bb_pad_said {
 /* One input report. sample is the device's last state and is updated by what the report says; left alone when it is
  * bad. battery 0..1 is written with BB_PAD_SAID_BATTERY only. */
 enum bb_pad_said bb_pad_decode(enum bb_pad_kind kind, const uint8_t *report, size_t n, struct bb_pad_sample *sample,
-                               float *battery);
+			       float *battery);
 
 #define BB_PAD_RUMBLE_BYTES 8 /* report id first, as hidapi and hidraw want it; 0: the device has none */
-void bb_pad_encode_rumble(uint8_t report_id, float strong, float weak, uint8_t out[BB_PAD_RUMBLE_BYTES]);
+void bb_pad_encode_rumble(enum bb_pad_kind kind, uint8_t report_id, float strong, float weak,
+			  uint8_t out[BB_PAD_RUMBLE_BYTES]);
 
 #endif

@@ -11,7 +11,7 @@
 #define OVERRUN 60 /* packets at once: the kernel keeps 64 of a hidraw node and drops the newest, so these are old */
 
 void bb_pad_core_init(struct bb_pad_core *core, struct bb_gamepad *g, const struct bb_pad_source *source,
-                      const int32_t steps[BB_PAD_AXES], uint64_t seed, int64_t gap_ns)
+		      const int32_t steps[BB_PAD_AXES], uint64_t seed, int64_t gap_ns)
 {
 	core->g = g;
 	core->source = source;
@@ -57,8 +57,9 @@ static void push(struct bb_pad_core *core, int64_t at_ns)
 		core->head = (core->head + 1) % BB_PAD_QUEUE;
 	else
 		core->n++;
-	*r = (struct bb_pad_report){ .at_ns = at_ns, .seq = core->seq++, .buttons = core->sample.buttons,
-		                     .battery = core->battery };
+	*r = (struct bb_pad_report){
+		.at_ns = at_ns, .seq = core->seq++, .buttons = core->sample.buttons, .battery = core->battery
+	};
 	for (size_t i = 0; i < BB_PAD_AXES; i++) {
 		const float v = (float)core->sample.count[i] / (float)core->steps[i];
 		r->axis[i] = fmaxf(-1, fminf(1, v));
@@ -164,7 +165,8 @@ enum bb_status bb_pad_core_read(struct bb_pad_core *core, struct bb_pad_report *
 	if (status == BB_SKIPPED) {
 		core->n = 0;
 		if (!core->off)
-			bb_pad_guard_lost(core, "read", "PAD_GONE its receiver is there, the pad is off or out of reach");
+			bb_pad_guard_lost(core, "read",
+					  "PAD_GONE its receiver is there, the pad is off or out of reach");
 		core->off = true;
 		return BB_ERR_LOST;
 	}

@@ -31,13 +31,13 @@ struct bb_pad_source {
 	enum bb_status (*pull)(struct bb_pad_core *core);
 };
 
-struct bb_pad_axis { /* what its last seconds were like, counts */
+struct bb_pad_axis {         /* what its last seconds were like, counts */
 	int32_t centre;      /* taken off while it drifts within the dead zone */
 	int32_t least, most; /* since since_ns */
 	int32_t last;
 	int64_t since_ns;
-	int direction;       /* of its last movement */
-	uint32_t turns;      /* how often that changed since since_ns */
+	int direction;  /* of its last movement */
+	uint32_t turns; /* how often that changed since since_ns */
 	bool noisy;
 	int64_t noise_since_ns;
 };
@@ -49,28 +49,28 @@ struct bb_pad_core {
 	int32_t steps[BB_PAD_AXES]; /* counts from neutral to the end */
 	int64_t gap_ns;             /* silence longer than this with a stick deflected is a fault; BB_NEVER: none is */
 
-	bool is_open, off;          /* off: the receiver is there, its pad is not */
+	bool is_open, off; /* off: the receiver is there, its pad is not */
 	enum bb_health health;
 	bool quarantined;
-	bool armed;                 /* has been neutral since it was plugged in again */
-	bool moved;                 /* the last sample was off neutral */
-	int64_t last_ns;            /* of the last good sample */
-	int64_t fault_ns;           /* when the present fault state began */
+	bool armed;       /* has been neutral since it was plugged in again */
+	bool moved;       /* the last sample was off neutral */
+	int64_t last_ns;  /* of the last good sample */
+	int64_t fault_ns; /* when the present fault state began */
 	uint32_t good_in_row;
-	float battery;              /* NAN: unknown */
+	float battery; /* NAN: unknown */
 
-	int64_t second_ns;          /* begin of the second that is being counted */
-	uint32_t n_good, n_bad;     /* in it */
+	int64_t second_ns;      /* begin of the second that is being counted */
+	uint32_t n_good, n_bad; /* in it */
 	uint64_t bad_total, overruns;
 
-	uint64_t jitter;            /* state of the generator for pauses */
-	uint32_t attempts;          /* since the unplug */
+	uint64_t jitter;   /* state of the generator for pauses */
+	uint32_t attempts; /* since the unplug */
 	int64_t reopen_ns;
-	int64_t reopened_ns[5];     /* the last ones: five in a minute are too many */
+	int64_t reopened_ns[5]; /* the last ones: five in a minute are too many */
 	size_t n_reopened;
 
 	struct bb_pad_axis axis[BB_PAD_AXES];
-	uint32_t drifting;          /* bit i: axis i is stuck, drifts or is noisy */
+	uint32_t drifting; /* bit i: axis i is stuck, drifts or is noisy */
 
 	struct bb_pad_sample sample;
 	uint32_t seq;
@@ -80,7 +80,7 @@ struct bb_pad_core {
 
 /* g's device, config and seed; fills g->limits' gap and step. */
 void bb_pad_core_init(struct bb_pad_core *core, struct bb_gamepad *g, const struct bb_pad_source *source,
-                      const int32_t steps[BB_PAD_AXES], uint64_t seed, int64_t gap_ns);
+		      const int32_t steps[BB_PAD_AXES], uint64_t seed, int64_t gap_ns);
 /* The first opening: fails as the bus does. */
 BB_MUST_CHECK enum bb_status bb_pad_core_start(struct bb_pad_core *core);
 void bb_pad_core_stop(struct bb_pad_core *core);

@@ -6,14 +6,14 @@
 #include <stdlib.h>
 
 #define MS INT64_C(1000000)
-#define SETTLE_NS (500 * MS)         /* a fault state is left after that long without a fault ... */
-#define SETTLE_GOOD 3                /* ... or that many good samples */
-#define BAD_LEAST 3                  /* so that one bad report in a quiet second is no quarantine */
-#define BAD_MOST 100                 /* a flood of them is not counted for a whole second */
+#define SETTLE_NS (500 * MS) /* a fault state is left after that long without a fault ... */
+#define SETTLE_GOOD 3        /* ... or that many good samples */
+#define BAD_LEAST 3          /* so that one bad report in a quiet second is no quarantine */
+#define BAD_MOST 100         /* a flood of them is not counted for a whole second */
 #define REOPEN_FIRST_NS (100 * MS)
 #define REOPEN_MOST_NS (5000 * MS)
 #define MINUTE_NS (60000 * MS)
-#define NOISE_TURNS_PER_S 20         /* no hand turns round that often for seconds */
+#define NOISE_TURNS_PER_S 20 /* no hand turns round that often for seconds */
 
 static int64_t now_of(const struct bb_pad_core *core)
 {
@@ -94,7 +94,8 @@ static void watch_noise(struct bb_pad_axis *a, int32_t count, int32_t least, int
 	if (direction)
 		a->direction = direction;
 	if (a->noise_since_ns == BB_NEVER || at_ns - a->noise_since_ns > BB_PAD_DRIFT_NS) {
-		a->noisy = a->noise_since_ns != BB_NEVER && a->turns > NOISE_TURNS_PER_S * (BB_PAD_DRIFT_NS / BB_NS_PER_S);
+		a->noisy =
+			a->noise_since_ns != BB_NEVER && a->turns > NOISE_TURNS_PER_S * (BB_PAD_DRIFT_NS / BB_NS_PER_S);
 		a->turns = 0;
 		a->noise_since_ns = at_ns;
 	}
@@ -113,7 +114,8 @@ static bool axis_is_wrong(struct bb_pad_core *core, size_t i, int32_t count, int
 	const bool still = a->most - a->least <= little;
 	if (a->since_ns == BB_NEVER || !still) {
 		restart(a, count, at_ns);
-		/* It moves: whatever stuck is free. A drift that was taken off stays off until the axis rests at zero. */
+		/* It moves: whatever stuck is free. A drift that was taken off stays off until the axis rests at zero.
+		 */
 		return a->noisy || a->centre;
 	}
 	if (abs(count) <= little) {
@@ -136,8 +138,8 @@ static void watch_axes(struct bb_pad_core *core, int64_t at_ns)
 		core->drifting = (core->drifting & ~(1u << i)) | (uint32_t)wrong << i;
 		if (wrong && !(before >> i & 1)) {
 			(void)bb_device_fail(&core->g->dev, BB_OK, "read", "PAD_DRIFT axis %zu %s at %d of %d%s", i + 1,
-			                     core->axis[i].noisy ? "is noisy" : "stands still", core->sample.count[i],
-			                     core->steps[i], core->axis[i].centre ? ", recentred" : "");
+					     core->axis[i].noisy ? "is noisy" : "stands still", core->sample.count[i],
+					     core->steps[i], core->axis[i].centre ? ", recentred" : "");
 			bb_pad_guard_state(core, BB_HEALTH_DEGRADED);
 		}
 		core->sample.count[i] -= core->axis[i].centre;
@@ -185,7 +187,7 @@ void bb_pad_guard_bad(struct bb_pad_core *core, const char *what)
 	core->n_bad++;
 	core->bad_total++;
 	(void)bb_device_fail(&core->g->dev, BB_ERR_FORMAT, "read", "PAD_BAD %llu: %s",
-	                     (unsigned long long)core->bad_total, what);
+			     (unsigned long long)core->bad_total, what);
 	core->good_in_row = 0;
 	if (core->health == BB_HEALTH_OK)
 		bb_pad_guard_state(core, BB_HEALTH_DEGRADED);
@@ -196,7 +198,8 @@ void bb_pad_guard_bad(struct bb_pad_core *core, const char *what)
 static void forgive_rest(struct bb_pad_core *core)
 {
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
-		if (core->drifting >> i & 1 && abs(core->axis[i].last) <= still_counts(core, i) && !core->axis[i].noisy) {
+		if (core->drifting >> i & 1 && abs(core->axis[i].last) <= still_counts(core, i) &&
+		    !core->axis[i].noisy) {
 			core->axis[i].centre = 0;
 			core->axis[i].since_ns = BB_NEVER;
 			core->drifting &= ~(1u << i);
@@ -214,8 +217,9 @@ void bb_pad_guard_idle(struct bb_pad_core *core)
 		if (!isnan(core->battery))
 			snprintf(level, sizeof(level), "battery %.0f %%", (double)core->battery * 100);
 		bb_pad_guard_state(core, BB_HEALTH_LOST);
-		(void)bb_device_fail(&core->g->dev, BB_TIMEOUT, "read", "PAD_SILENT for %lld ms with a stick deflected, %s",
-		                     (long long)((now_ns - core->last_ns) / MS), level);
+		(void)bb_device_fail(&core->g->dev, BB_TIMEOUT, "read",
+				     "PAD_SILENT for %lld ms with a stick deflected, %s",
+				     (long long)((now_ns - core->last_ns) / MS), level);
 	}
 	if (core->drifting && now_ns - core->last_ns >= SETTLE_NS)
 		forgive_rest(core);

@@ -7,7 +7,7 @@
 
 #include "drivers/pad_core.h"
 
-#define BB_PAD_DEAD_ZONE 0.15            /* what a consumer takes for neutral */
+#define BB_PAD_DEAD_ZONE 0.15               /* what a consumer takes for neutral */
 #define BB_PAD_DRIFT_NS INT64_C(9000000000) /* an axis that looks wrong that long is reported (budget: 10 s) */
 
 void bb_pad_guard_forget(struct bb_pad_core *core); /* what the axes did so far */

@@ -12,10 +12,10 @@ struct keys {
 };
 
 static const struct bb_option table[] = {
-	{ "serial", BB_OPT_TYPE_TEXT, offsetof(struct keys, serial), sizeof(((struct keys *)NULL)->serial), 0, 0, 0, 1, "",
-	  false, "serial number of the device" },
-	{ "mapping", BB_OPT_TYPE_TEXT, offsetof(struct keys, mapping), sizeof(((struct keys *)NULL)->mapping), 0, 0, 0, 1,
-	  "", false, "file of SDL_GameControllerDB lines" },
+	{ "serial", BB_OPT_TYPE_TEXT, offsetof(struct keys, serial), sizeof(((struct keys *)NULL)->serial), 0, 0, 0, 1,
+	  "", false, "serial number of the device" },
+	{ "mapping", BB_OPT_TYPE_TEXT, offsetof(struct keys, mapping), sizeof(((struct keys *)NULL)->mapping), 0, 0, 0,
+	  1, "", false, "file of SDL_GameControllerDB lines" },
 	BB_OPT_I64(struct keys, slot, 1, 1, 4, "pad of a receiver"),
 	BB_OPT_I64(struct keys, gap_ms, 200, 0, 10000, "silence with a deflected stick that is a fault; 0: none is"),
 	BB_OPT_END,
@@ -25,7 +25,7 @@ enum bb_status bb_pad_uri_fail(struct bb_device *dev, const struct bb_open *open
 {
 	struct bb_error err = { 0 };
 	const enum bb_status status = bb_fail(&err, BB_ERR_CONFIG, 1501, NULL, "%s: '%s:%s' %s", dev->id,
-	                                      open->uri->scheme, open->uri->path, what);
+					      open->uri->scheme, open->uri->path, what);
 
 	bb_log(open->log, BB_LOG_ERROR, BB_BLAME_CONFIG, dev->id, "%s", err.text);
 	return bb_device_fail(dev, status, "open", "%.90s", err.text);
@@ -69,7 +69,7 @@ enum bb_status bb_pad_uri_read(struct bb_device *dev, const struct bb_open *open
 			return bb_device_fail(dev, BB_ERR_CONFIG, "open", "%.90s", err.text);
 		}
 	out->has_identity = strlen(uri->path) == 9 && uri->path[4] == ':' && hex4(uri->path, &out->vendor) &&
-	                    hex4(uri->path + 5, &out->product);
+			    hex4(uri->path + 5, &out->product);
 	snprintf(out->path, sizeof(out->path), "%s", uri->path);
 	memcpy(out->serial, keys.serial, sizeof(out->serial));
 	memcpy(out->mapping, keys.mapping, sizeof(out->mapping));

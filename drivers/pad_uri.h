@@ -8,13 +8,13 @@
 #include "hal/device.h"
 
 struct bb_pad_uri {
-	bool has_identity;        /* "vvvv:pppp", hexadecimal */
+	bool has_identity; /* "vvvv:pppp", hexadecimal */
 	uint16_t vendor, product;
-	char path[96];            /* otherwise */
+	char path[96]; /* otherwise */
 	char serial[64];
-	char mapping[64];         /* a file of SDL_GameControllerDB lines; "" = none */
-	int64_t slot;             /* 1..4 of a receiver */
-	int64_t gap_ns;           /* silence with a deflected stick longer than this is a fault; BB_NEVER: gap_ms=0 */
+	char mapping[64]; /* a file of SDL_GameControllerDB lines; "" = none */
+	int64_t slot;     /* 1..4 of a receiver */
+	int64_t gap_ns;   /* silence with a deflected stick longer than this is a fault; BB_NEVER: gap_ms=0 */
 };
 
 BB_MUST_CHECK enum bb_status bb_pad_uri_read(struct bb_device *dev, const struct bb_open *open, struct bb_pad_uri *out);

@@ -118,8 +118,9 @@ static bool read_source(struct piece p, struct bb_sdl_binding *b)
 static bool read_target(struct piece p, struct bb_sdl_binding *b)
 {
 	static const char *const names[BB_SDL_TARGETS] = {
-		"a", "b", "x", "y", "leftshoulder", "rightshoulder", "back", "start", "guide", "leftstick", "rightstick", "dpup",
-		"dpdown", "dpleft", "dpright", "leftx", "lefty", "rightx", "righty", "lefttrigger", "righttrigger",
+		"a",       "b",     "x",         "y",          "leftshoulder", "rightshoulder", "back",
+		"start",   "guide", "leftstick", "rightstick", "dpup",         "dpdown",        "dpleft",
+		"dpright", "leftx", "lefty",     "rightx",     "righty",       "lefttrigger",   "righttrigger",
 	};
 	b->target_half = sign(&p);
 	for (unsigned int i = 0; i < BB_SDL_TARGETS; i++)
@@ -131,19 +132,20 @@ static bool read_target(struct piece p, struct bb_sdl_binding *b)
 }
 
 static enum bb_status add_pair(struct piece pair, const struct bb_where *where, struct bb_sdl_mapping *out,
-                               struct bb_error *err)
+			       struct bb_error *err)
 {
 	struct bb_sdl_binding b = { 0 };
 	struct piece rest = pair;
 	const struct piece target = cut(&rest, ':');
 
 	if (target.n == pair.n)
-		return bb_fail(err, BB_ERR_CONFIG, 1564, where, "'%.*s' is no target:source", (int)(pair.n < 40 ? pair.n : 40),
-		               pair.at);
+		return bb_fail(err, BB_ERR_CONFIG, 1564, where, "'%.*s' is no target:source",
+			       (int)(pair.n < 40 ? pair.n : 40), pair.at);
 	if (!read_target(target, &b)) /* newer ones: misc1, paddles, touchpad, hints */
 		return BB_OK;
 	if (!read_source(rest, &b))
-		return bb_fail(err, BB_ERR_CONFIG, 1564, where, "'%.*s' is no source", (int)(rest.n < 40 ? rest.n : 40), rest.at);
+		return bb_fail(err, BB_ERR_CONFIG, 1564, where, "'%.*s' is no source", (int)(rest.n < 40 ? rest.n : 40),
+			       rest.at);
 	if (out->n == BB_SDL_BINDINGS_MAX)
 		return bb_fail(err, BB_ERR_CONFIG, 1564, where, "more than %d bindings", BB_SDL_BINDINGS_MAX);
 	out->binding[out->n++] = b;
@@ -167,7 +169,7 @@ static void keep_name(struct piece name, char *out, size_t cap)
 }
 
 enum bb_status bb_sdl_mapping_parse(const char *line, size_t n, const struct bb_where *where,
-                                    struct bb_sdl_mapping *out, struct bb_error *err)
+				    struct bb_sdl_mapping *out, struct bb_error *err)
 {
 	struct piece rest = trimmed(line, n);
 	enum bb_status status = BB_OK;
@@ -201,7 +203,7 @@ static int same_device(const uint8_t a[16], const uint8_t b[16])
 }
 
 enum bb_status bb_sdl_mapping_find(const char *text, size_t n, const char *file, const struct bb_input_identity *id,
-                                   struct bb_sdl_mapping *out, struct bb_error *err)
+				   struct bb_sdl_mapping *out, struct bb_error *err)
 {
 	struct bb_where where = { .file = file };
 	struct piece rest = { text, n };
@@ -228,7 +230,7 @@ enum bb_status bb_sdl_mapping_find(const char *text, size_t n, const char *file,
 	if (best)
 		return BB_OK;
 	where.line = 0;
-	return bb_fail(err, BB_ERR_CONFIG, 1565, &where, "%04x:%04x, GUID %02x%02x0000%02x%02x0000%02x%02x0000%02x%02x0000",
-	               id->vendor, id->product, wanted[0], wanted[1], wanted[4], wanted[5], wanted[8], wanted[9],
-	               wanted[12], wanted[13]);
+	return bb_fail(err, BB_ERR_CONFIG, 1565, &where,
+		       "%04x:%04x, GUID %02x%02x0000%02x%02x0000%02x%02x0000%02x%02x0000", id->vendor, id->product,
+		       wanted[0], wanted[1], wanted[4], wanted[5], wanted[8], wanted[9], wanted[12], wanted[13]);
 }

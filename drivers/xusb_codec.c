@@ -41,7 +41,7 @@ static enum bb_xusb_said decode_state(const uint8_t *b, struct bb_xusb_packet *o
 		return BB_XUSB_SAID_BAD;
 	out->sample = (struct bb_pad_sample){
 		.count = { word(sticks), -word(sticks + 2), word(sticks + 4), -word(sticks + 6),
-		           either(b[PAD_WIRE_XBOX_AT_BITS], 0x04, 0x08), either(b[PAD_WIRE_XBOX_AT_BITS], 0x01, 0x02) },
+			   either(b[PAD_WIRE_XBOX_AT_BITS], 0x04, 0x08), either(b[PAD_WIRE_XBOX_AT_BITS], 0x01, 0x02) },
 		.buttons = buttons(b[PAD_WIRE_XBOX_AT_BITS], b[PAD_WIRE_XBOX_AT_BITS + 1]),
 	};
 	memcpy(out->trigger, b + PAD_WIRE_XBOX_AT_TRIGGERS, sizeof(out->trigger));

@@ -12,14 +12,14 @@ enum bb_xusb_said {
 	BB_XUSB_SAID_PRESENT, /* a pad is in this slot; the same packet tells of headsets */
 	BB_XUSB_SAID_ABSENT,
 	BB_XUSB_SAID_BATTERY,
-	BB_XUSB_SAID_LINK,    /* serial number, LED status, headset: of no interest */
+	BB_XUSB_SAID_LINK, /* serial number, LED status, headset: of no interest */
 	BB_XUSB_SAID_BAD,
 };
 
 struct bb_xusb_packet {
 	struct bb_pad_sample sample;
-	uint8_t trigger[2];   /* left, right; no axis of hal/gamepad.h */
-	float battery;        /* 0..1: the level byte of 255, recorded values are A2 and E0 */
+	uint8_t trigger[2]; /* left, right; no axis of hal/gamepad.h */
+	float battery;      /* 0..1: the level byte of 255, recorded values are A2 and E0 */
 };
 
 extern const int32_t bb_xusb_steps[BB_PAD_AXES];

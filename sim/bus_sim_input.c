@@ -8,11 +8,11 @@
 #define EVENTS 64
 #define KEYS 16
 
-struct field { /* of a packet: where a value stands and what it becomes */
-	uint8_t id;       /* report id it belongs to; 0: any */
-	uint8_t at;       /* byte */
-	uint8_t bytes;    /* 1 unsigned, 2 signed LE */
-	bool inverted;    /* ~, as xpad does with y */
+struct field {         /* of a packet: where a value stands and what it becomes */
+	uint8_t id;    /* report id it belongs to; 0: any */
+	uint8_t at;    /* byte */
+	uint8_t bytes; /* 1 unsigned, 2 signed LE */
+	bool inverted; /* ~, as xpad does with y */
 	uint16_t axis;
 	int32_t least, most;
 };
@@ -21,37 +21,91 @@ struct translation {
 	uint8_t least_bytes;
 	size_t n_fields;
 	struct field field[6];
-	uint8_t hat_at;          /* 0xFF: none; a nibble, 8 = centre */
+	uint8_t hat_at;           /* 0xFF: none; a nibble, 8 = centre */
 	uint8_t keys_id, keys_at; /* bits from there on, LSB first */
-	uint8_t key_shift;       /* bits of the first byte that are none */
+	uint8_t key_shift;        /* bits of the first byte that are none */
 	size_t n_keys;
-	uint16_t key[KEYS];      /* 0: no key */
+	uint16_t key[KEYS]; /* 0: no key */
 	bool motors;
 };
 
-#define BYTE_AXIS(id, at, axis) { id, at, 1, false, axis, 0, 255 }
-#define SPACE_AXIS(id, at, axis) { id, at, 2, false, axis, -350, 350 }
-#define STICK(at, inv, axis) { 0, at, 2, inv, axis, -32768, 32767 }
-#define TWELVE(first)                                                                                                 \
-	{ first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7, first + 8, first + 9,  \
-	  first + 10, first + 11 }
+#define BYTE_AXIS(id, at, axis)                \
+	{                                      \
+		id, at, 1, false, axis, 0, 255 \
+	}
+#define SPACE_AXIS(id, at, axis)                  \
+	{                                         \
+		id, at, 2, false, axis, -350, 350 \
+	}
+#define STICK(at, inv, axis)                       \
+	{                                          \
+		0, at, 2, inv, axis, -32768, 32767 \
+	}
+#define TWELVE(first)                                                                                          \
+	{                                                                                                      \
+		first, first + 1, first + 2, first + 3, first + 4, first + 5, first + 6, first + 7, first + 8, \
+			first + 9, first + 10, first + 11                                                      \
+	}
 
 static const struct translation translations[SIM_PEER_KINDS] = {
-	[SIM_PEER_RUMBLEPAD2_WIRED] = { 8, 4, { BYTE_AXIS(0, 0, ABS_X), BYTE_AXIS(0, 1, ABS_Y), BYTE_AXIS(0, 2, ABS_Z),
-		                                BYTE_AXIS(0, 3, ABS_RZ) }, 4, 0, 4, 4, 12, TWELVE(BTN_TRIGGER), true },
-	[SIM_PEER_RUMBLEPAD2_WIRELESS] = { 8, 4, { BYTE_AXIS(1, 1, ABS_X), BYTE_AXIS(1, 2, ABS_Y), BYTE_AXIS(1, 3, ABS_Z),
-		                                   BYTE_AXIS(1, 4, ABS_RZ) }, 5, 1, 5, 4, 12, TWELVE(BTN_SOUTH), true },
-	[SIM_PEER_SPACENAVIGATOR] = { 3, 6, { SPACE_AXIS(1, 1, ABS_X), SPACE_AXIS(1, 3, ABS_Y), SPACE_AXIS(1, 5, ABS_Z),
-		                              SPACE_AXIS(2, 1, ABS_RX), SPACE_AXIS(2, 3, ABS_RY), SPACE_AXIS(2, 5, ABS_RZ) },
-		                      0xFF, 3, 1, 0, 2, { BTN_0, BTN_1 }, false },
-	[SIM_PEER_SPACEMOUSE_WIRELESS] = { 2, 6, { SPACE_AXIS(1, 1, ABS_X), SPACE_AXIS(1, 3, ABS_Y), SPACE_AXIS(1, 5, ABS_Z),
-		                                   SPACE_AXIS(1, 7, ABS_RX), SPACE_AXIS(1, 9, ABS_RY),
-		                                   SPACE_AXIS(1, 11, ABS_RZ) }, 0xFF, 3, 1, 0, 2, { BTN_0, BTN_1 }, false },
-	[SIM_PEER_XBOX_PAD] = { 29, 4, { STICK(10, false, ABS_X), STICK(12, true, ABS_Y), STICK(14, false, ABS_RX),
-		                         STICK(16, true, ABS_RY) }, 0xFF, 0, 6, 0, 16,
-		                { BTN_TRIGGER_HAPPY3, BTN_TRIGGER_HAPPY4, BTN_TRIGGER_HAPPY1, BTN_TRIGGER_HAPPY2, BTN_START,
-		                  BTN_SELECT, BTN_THUMBL, BTN_THUMBR, BTN_TL, BTN_TR, BTN_MODE, 0, BTN_A, BTN_B, BTN_X, BTN_Y },
-		                true },
+	[SIM_PEER_RUMBLEPAD2_WIRED] = { 8,
+					4,
+					{ BYTE_AXIS(0, 0, ABS_X), BYTE_AXIS(0, 1, ABS_Y), BYTE_AXIS(0, 2, ABS_Z),
+					  BYTE_AXIS(0, 3, ABS_RZ) },
+					4,
+					0,
+					4,
+					4,
+					12,
+					TWELVE(BTN_TRIGGER),
+					true },
+	[SIM_PEER_RUMBLEPAD2_WIRELESS] = { 8,
+					   4,
+					   { BYTE_AXIS(1, 1, ABS_X), BYTE_AXIS(1, 2, ABS_Y), BYTE_AXIS(1, 3, ABS_Z),
+					     BYTE_AXIS(1, 4, ABS_RZ) },
+					   5,
+					   1,
+					   5,
+					   4,
+					   12,
+					   TWELVE(BTN_SOUTH),
+					   true },
+	[SIM_PEER_SPACENAVIGATOR] = { 3,
+				      6,
+				      { SPACE_AXIS(1, 1, ABS_X), SPACE_AXIS(1, 3, ABS_Y), SPACE_AXIS(1, 5, ABS_Z),
+					SPACE_AXIS(2, 1, ABS_RX), SPACE_AXIS(2, 3, ABS_RY), SPACE_AXIS(2, 5, ABS_RZ) },
+				      0xFF,
+				      3,
+				      1,
+				      0,
+				      2,
+				      { BTN_0, BTN_1 },
+				      false },
+	[SIM_PEER_SPACEMOUSE_WIRELESS] = { 2,
+					   6,
+					   { SPACE_AXIS(1, 1, ABS_X), SPACE_AXIS(1, 3, ABS_Y), SPACE_AXIS(1, 5, ABS_Z),
+					     SPACE_AXIS(1, 7, ABS_RX), SPACE_AXIS(1, 9, ABS_RY),
+					     SPACE_AXIS(1, 11, ABS_RZ) },
+					   0xFF,
+					   3,
+					   1,
+					   0,
+					   2,
+					   { BTN_0, BTN_1 },
+					   false },
+	[SIM_PEER_XBOX_PAD] = { 29,
+				4,
+				{ STICK(10, false, ABS_X), STICK(12, true, ABS_Y), STICK(14, false, ABS_RX),
+				  STICK(16, true, ABS_RY) },
+				0xFF,
+				0,
+				6,
+				0,
+				16,
+				{ BTN_TRIGGER_HAPPY3, BTN_TRIGGER_HAPPY4, BTN_TRIGGER_HAPPY1, BTN_TRIGGER_HAPPY2,
+				  BTN_START, BTN_SELECT, BTN_THUMBL, BTN_THUMBR, BTN_TL, BTN_TR, BTN_MODE, 0, BTN_A,
+				  BTN_B, BTN_X, BTN_Y },
+				true },
 };
 
 struct sim_input_bus {
@@ -73,7 +127,8 @@ static struct sim_input_bus *of(struct bb_input_bus *bus)
 static void put(struct sim_input_bus *b, int64_t at_ns, unsigned int type, unsigned int code, int32_t value)
 {
 	if (b->n < EVENTS)
-		b->queue[(b->head + b->n++) % EVENTS] = (struct bb_input_event){ at_ns, (uint16_t)type, (uint16_t)code, value };
+		b->queue[(b->head + b->n++) % EVENTS] =
+			(struct bb_input_event){ at_ns, (uint16_t)type, (uint16_t)code, value };
 }
 
 static void put_axis(struct sim_input_bus *b, int64_t at_ns, unsigned int axis, int32_t value)
@@ -186,20 +241,23 @@ static bool sim_range(struct bb_input_bus *bus, unsigned int axis, struct bb_inp
 	return false;
 }
 
-/* The kernel's drivers write to the pad: lg2ff a report, xpad a packet. */
+/* The kernel's drivers write to the pad: lg2ff and lgff a report, xpad a packet. */
 static enum bb_status sim_rumble(struct bb_input_bus *bus, uint16_t strong, uint16_t weak)
 {
 	struct sim_input_bus *b = of(bus);
-	const uint8_t s = (uint8_t)(strong >> 8), w = (uint8_t)(weak >> 8), id = sim_peer_pad_kind(b->peer) == SIM_PEER_RUMBLEPAD2_WIRELESS;
-	const uint8_t hid[8] = { id, s || w ? 0x51 : 0xF3, 0, w, 0, s, 0, 0 };
+	const uint8_t s = (uint8_t)(strong >> 8), w = (uint8_t)(weak >> 8);
+	const uint8_t wired[8] = { 0x00, s || w ? 0x51 : 0xF3, 0x00, w, 0x00, s },
+		      wireless[8] = { 0x01, 0x42, 0x00, w, s };
 	const uint8_t usb[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, s, w };
 
 	if (!b->tr->motors)
 		return BB_ERR_UNSUPPORTED;
 	if (stale(b))
 		return BB_ERR_LOST;
-	return sim_peer_pad_kind(b->peer) == SIM_PEER_XBOX_PAD ? sim_peer_pad_give(b->peer, usb, sizeof(usb))
-	                                                       : sim_peer_pad_give(b->peer, hid, sizeof(hid));
+	if (sim_peer_pad_kind(b->peer) == SIM_PEER_XBOX_PAD)
+		return sim_peer_pad_give(b->peer, usb, sizeof(usb));
+	return sim_peer_pad_give(b->peer, sim_peer_pad_kind(b->peer) == SIM_PEER_RUMBLEPAD2_WIRELESS ? wireless : wired,
+				 8);
 }
 
 static void sim_close(struct bb_input_bus *bus)

@@ -11,6 +11,6 @@
 
 /* BB_ERR_LOST: it is not plugged in. */
 BB_MUST_CHECK enum bb_status sim_input_bus_open(struct sim_peer_pad *peer, struct bb_clock *clk,
-                                                struct bb_input_bus **out);
+						struct bb_input_bus **out);
 
 #endif

@@ -65,7 +65,8 @@ void sim_peer_emit(struct sim_peer_pad *p, const uint8_t *bytes, size_t n)
 	if (p->garbage_share > 0 && sim_rng_uniform(&p->noise) < p->garbage_share) {
 		n = 1 + (size_t)(sim_rng_u64(&p->noise) % 5); /* shorter than any report with axes */
 		for (size_t i = 0; i < n; i++)
-			changed[i] = (uint8_t)(sim_rng_u64(&p->noise) & 2); /* no id there is: 0 or 2, too short for 2 */
+			changed[i] =
+				(uint8_t)(sim_rng_u64(&p->noise) & 2); /* no id there is: 0 or 2, too short for 2 */
 	}
 	sim_peer_pad_send(p, changed, n);
 }
@@ -183,8 +184,10 @@ void sim_peer_pad_unplug(struct sim_peer_pad *p, bool on)
 const uint8_t *sim_peer_pad_descriptor(const struct sim_peer_pad *p, size_t *n_out)
 {
 	/* Collections without end, then a range of usages no table holds. */
-	static const uint8_t hostile[] = { 0x05, 0x01, 0x09, 0x04, 0xA1, 0x01, 0xA1, 0x00, 0xA1, 0x00, 0x19, 0x00, 0x2B, 0xFF,
-		                           0xFF, 0xFF, 0x7F, 0x97, 0xFF, 0xFF, 0xFF, 0x7F, 0x75, 0x20, 0x81, 0x02 };
+	static const uint8_t hostile[] = {
+		0x05, 0x01, 0x09, 0x04, 0xA1, 0x01, 0xA1, 0x00, 0xA1, 0x00, 0x19, 0x00, 0x2B,
+		0xFF, 0xFF, 0xFF, 0x7F, 0x97, 0xFF, 0xFF, 0xFF, 0x7F, 0x75, 0x20, 0x81, 0x02
+	};
 
 	if (!p->fault_descriptor)
 		return sim_peer_hid_descriptor(p->kind, n_out);

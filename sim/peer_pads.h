@@ -16,9 +16,9 @@
 enum sim_peer_kind {
 	SIM_PEER_RUMBLEPAD2_WIRED,
 	SIM_PEER_RUMBLEPAD2_WIRELESS,
-	SIM_PEER_SPACENAVIGATOR,       /* moves and turns in reports of their own */
-	SIM_PEER_SPACEMOUSE_WIRELESS,  /* both in one; battery */
-	SIM_PEER_XBOX_PAD,             /* one slot of a receiver */
+	SIM_PEER_SPACENAVIGATOR,      /* moves and turns in reports of their own */
+	SIM_PEER_SPACEMOUSE_WIRELESS, /* both in one; battery */
+	SIM_PEER_XBOX_PAD,            /* one slot of a receiver */
 	SIM_PEER_KINDS
 };
 
@@ -27,11 +27,11 @@ enum sim_peer_kind {
 
 struct sim_peer_config {
 	enum sim_peer_kind kind;
-	const char *id;           /* its serial number as well */
-	const char *script;       /* "" = generated from seed and id */
+	const char *id;     /* its serial number as well */
+	const char *script; /* "" = generated from seed and id */
 	uint64_t seed;
 	struct bb_clock *clk;
-	struct sim_world *world;  /* NULL: scripts count from 0, and nothing is registered for faults */
+	struct sim_world *world; /* NULL: scripts count from 0, and nothing is registered for faults */
 };
 
 struct sim_peer_pad;
@@ -44,7 +44,7 @@ const char *sim_peer_pad_serial(const struct sim_peer_pad *p);
 /* Its next packet to the host: an input report (with its id where it has one) or a receiver's packet. BB_TIMEOUT: none;
  * BB_ERR_LOST: unplugged. at_ns is when it was sent. */
 BB_MUST_CHECK enum bb_status sim_peer_pad_take(struct sim_peer_pad *p, uint8_t *bytes, size_t cap, size_t *n_out,
-                                               int64_t *at_ns);
+					       int64_t *at_ns);
 /* From the host: an output report, its id first (0 where it has none), or a command to a receiver's pad. BB_ERR_IO:
  * what hardware would refuse or ignore. */
 BB_MUST_CHECK enum bb_status sim_peer_pad_give(struct sim_peer_pad *p, const uint8_t *bytes, size_t n);

@@ -37,7 +37,7 @@ struct sim_peer_pad {
 	struct sim_rng rng, noise;
 	struct sim_pad_script *script;
 	struct bb_timer timer;
-	double battery;                 /* of a script that does not say */
+	double battery; /* of a script that does not say */
 	struct peer_values told;
 	int64_t battery_due_ns;
 	uint32_t generation;

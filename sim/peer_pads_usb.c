@@ -1,4 +1,5 @@
-/* sim/peer_pads_usb.c: RumblePad 2 and the SpaceMice as USB devices: descriptors, HID class requests, one IN endpoint. */
+/* sim/peer_pads_usb.c: RumblePad 2 and the SpaceMice as USB devices: descriptors, HID class requests, one IN endpoint.
+ */
 #include "sim/peer_pads_impl.h"
 
 #include <string.h>
@@ -12,13 +13,14 @@ static struct sim_peer_pad *of(struct sim_usb_device *dev)
 	return bb_container_of(dev, struct sim_peer_pad, usb);
 }
 
-#define IDENTITY(vendor, product)                                                                                     \
-	18, 1, 0x00, 0x02, 0, 0, 0, 8, (vendor) & 0xFF, (vendor) >> 8, (product) & 0xFF, (product) >> 8, 0x00, 0x01, \
-		1, 2, 3, 1
+#define IDENTITY(vendor, product)                                                                                      \
+	18, 1, 0x00, 0x02, 0, 0, 0, 8, (vendor)&0xFF, (vendor) >> 8, (product)&0xFF, (product) >> 8, 0x00, 0x01, 1, 2, \
+		3, 1
 /* One HID interface, one interrupt IN endpoint; output reports go by SET_REPORT. */
-#define CONFIG(n_report_descriptor, packet, interval_ms)                                                              \
-	9, 2, 34, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 1, 3, 0, 0, 0, 9, 0x21, 0x11, 0x01, 0, 1, 0x22,                  \
-		(uint8_t)(n_report_descriptor), (uint8_t)((n_report_descriptor) >> 8), 7, 5, 0x81, 3, packet, 0, interval_ms
+#define CONFIG(n_report_descriptor, packet, interval_ms)                                                         \
+	9, 2, 34, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 1, 3, 0, 0, 0, 9, 0x21, 0x11, 0x01, 0, 1, 0x22,              \
+		(uint8_t)(n_report_descriptor), (uint8_t)((n_report_descriptor) >> 8), 7, 5, 0x81, 3, packet, 0, \
+		interval_ms
 
 static const uint8_t wired_device[] = { IDENTITY(PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_RUMBLEPAD2_WIRED) };
 static const uint8_t wireless_device[] = { IDENTITY(PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_RUMBLEPAD2_WIRELESS) };
@@ -109,9 +111,12 @@ void sim_peer_usb_init(struct sim_peer_pad *p)
 	const uint8_t config[] = { CONFIG(n, faces[p->kind].packet, 8) };
 	_Static_assert(sizeof(config) == sizeof(p->usb_config), "one HID interface with one endpoint");
 	memcpy(p->usb_config, config, sizeof(config));
-	p->usb = (struct sim_usb_device){ .ops = &ops, .speed = SIM_USB_FULL, .device = faces[p->kind].device,
-		                          .config = p->usb_config, .n_config = sizeof(p->usb_config),
-		                          .string = { NULL, "blackburst", faces[p->kind].product, p->id } };
+	p->usb = (struct sim_usb_device){ .ops = &ops,
+					  .speed = SIM_USB_FULL,
+					  .device = faces[p->kind].device,
+					  .config = p->usb_config,
+					  .n_config = sizeof(p->usb_config),
+					  .string = { NULL, "blackburst", faces[p->kind].product, p->id } };
 }
 
 struct sim_usb_device *sim_peer_pad_usb(struct sim_peer_pad *p)

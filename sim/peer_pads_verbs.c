@@ -2,7 +2,8 @@
 #include "sim/peer_pads_impl.h"
 #include "sim/verb_args.h"
 
-static enum bb_status flag(void *device, const struct sim_fault_args *args, bool on, size_t offset, struct bb_error *err)
+static enum bb_status flag(void *device, const struct sim_fault_args *args, bool on, size_t offset,
+			   struct bb_error *err)
 {
 	const enum bb_status status = sim_args_only(args, "", err);
 
@@ -87,7 +88,7 @@ static enum bb_status verb_garbage(void *device, const struct sim_fault_args *ar
 
 /* "axis=N key=V": V goes into one of the arrays over axes. */
 static enum bb_status of_axis(const struct sim_fault_args *args, const char *known, const char *key, double fallback,
-                              double least, size_t *axis, double *value, struct bb_error *err)
+			      double least, size_t *axis, double *value, struct bb_error *err)
 {
 	long n = 1;
 	enum bb_status status = sim_args_only(args, known, err);

@@ -49,7 +49,8 @@ static void send_battery(struct sim_peer_pad *p, double level)
 static void joined(struct sim_peer_pad *p)
 {
 	static const uint8_t here[] = { PAD_WIRE_XBOX_STATUS, PAD_WIRE_XBOX_STATUS_PAD };
-	static const uint8_t link[PAD_WIRE_XBOX_BYTES] = { 0x00, PAD_WIRE_XBOX_LINK, 0x00, 0xF0, 0xF0, 0xCC, 0xFD, 0x1F, 0x9F };
+	static const uint8_t link[PAD_WIRE_XBOX_BYTES] = { 0x00, PAD_WIRE_XBOX_LINK, 0x00, 0xF0, 0xF0, 0xCC, 0xFD, 0x1F,
+							   0x9F };
 	static const uint8_t led[PAD_WIRE_XBOX_BYTES] = { 0x00, PAD_WIRE_XBOX_LED_STATUS, 0x02 };
 
 	sim_peer_pad_send(p, here, sizeof(here));
@@ -88,8 +89,9 @@ static enum bb_status give(struct sim_peer_pad *p, const uint8_t *b, size_t n)
 	return BB_OK;
 }
 
-const struct peer_model sim_peer_xbox = { { 32767, 32767, 32767, 32767, 1, 1 }, 0x7FF, send_state, joined, give,
-	                                  INT64_C(10000000000), send_battery };
+const struct peer_model sim_peer_xbox = {
+	{ 32767, 32767, 32767, 32767, 1, 1 }, 0x7FF, send_state, joined, give, INT64_C(10000000000), send_battery
+};
 
 /* The receiver. ------------------------------------------------------------------------------------------------ */
 
@@ -157,27 +159,61 @@ static int xbox_out(struct sim_usb_device *dev, uint8_t endpoint, const uint8_t 
 	return (int)n;
 }
 
-#define XBOX_PAD(number, endpoint)                                                                                    \
+#define XBOX_PAD(number, endpoint) \
 	9, 4, number, 0, 2, 0xFF, 0x5D, 0x81, 0, 7, 5, 0x80 | (endpoint), 3, 32, 0, 1, 7, 5, endpoint, 3, 32, 0, 8
-#define XBOX_HEADSET(number, endpoint)                                                                                \
+#define XBOX_HEADSET(number, endpoint) \
 	9, 4, number, 0, 2, 0xFF, 0x5D, 0x82, 0, 7, 5, 0x80 | (endpoint), 3, 32, 0, 2, 7, 5, endpoint, 3, 32, 0, 4
 #define XBOX_CONFIG_BYTES (9 + 8 * (9 + 7 + 7))
 
 static const uint8_t xbox_device[18] = {
-	18, 1, 0x00, 0x02, 0xFF, 0xFF, 0xFF, 8, PAD_WIRE_VENDOR_MICROSOFT & 0xFF, PAD_WIRE_VENDOR_MICROSOFT >> 8,
-	PAD_WIRE_XBOX_RECEIVER & 0xFF, PAD_WIRE_XBOX_RECEIVER >> 8, 0x00, 0x01, 1, 2, 3, 1,
+	18,
+	1,
+	0x00,
+	0x02,
+	0xFF,
+	0xFF,
+	0xFF,
+	8,
+	PAD_WIRE_VENDOR_MICROSOFT & 0xFF,
+	PAD_WIRE_VENDOR_MICROSOFT >> 8,
+	PAD_WIRE_XBOX_RECEIVER & 0xFF,
+	PAD_WIRE_XBOX_RECEIVER >> 8,
+	0x00,
+	0x01,
+	1,
+	2,
+	3,
+	1,
 };
 static const uint8_t xbox_config[XBOX_CONFIG_BYTES] = {
-	9, 2, XBOX_CONFIG_BYTES & 0xFF, XBOX_CONFIG_BYTES >> 8, 8, 1, 0, 0xA0, 130,
-	XBOX_PAD(0, 1), XBOX_HEADSET(1, 2), XBOX_PAD(2, 3), XBOX_HEADSET(3, 4),
-	XBOX_PAD(4, 5), XBOX_HEADSET(5, 6), XBOX_PAD(6, 7), XBOX_HEADSET(7, 8),
+	9,
+	2,
+	XBOX_CONFIG_BYTES & 0xFF,
+	XBOX_CONFIG_BYTES >> 8,
+	8,
+	1,
+	0,
+	0xA0,
+	130,
+	XBOX_PAD(0, 1),
+	XBOX_HEADSET(1, 2),
+	XBOX_PAD(2, 3),
+	XBOX_HEADSET(3, 4),
+	XBOX_PAD(4, 5),
+	XBOX_HEADSET(5, 6),
+	XBOX_PAD(6, 7),
+	XBOX_HEADSET(7, 8),
 };
 
 void sim_xbox_init(struct sim_xbox_receiver *r)
 {
 	static const struct sim_usb_ops ops = { sim_usb_no_control, xbox_in, xbox_out, sim_usb_no_reset, xbox_present };
 
-	*r = (struct sim_xbox_receiver){ .usb = { .ops = &ops, .speed = SIM_USB_FULL, .device = xbox_device,
-		                                  .config = xbox_config, .n_config = sizeof(xbox_config),
-		                                  .string = { NULL, "blackburst", "Xbox 360 receiver peer", "SIM0719" } } };
+	*r = (struct sim_xbox_receiver){ .usb = { .ops = &ops,
+						  .speed = SIM_USB_FULL,
+						  .device = xbox_device,
+						  .config = xbox_config,
+						  .n_config = sizeof(xbox_config),
+						  .string = { NULL, "blackburst", "Xbox 360 receiver peer",
+							      "SIM0719" } } };
 }

@@ -27,13 +27,13 @@ static const struct {
 	uint16_t bus;
 } identities[SIM_PEER_KINDS] = {
 	[SIM_PEER_RUMBLEPAD2_WIRED] = { "Logitech RumblePad 2 USB", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_RUMBLEPAD2_WIRED,
-		                        BUS_BLUETOOTH },
+					BUS_BLUETOOTH },
 	[SIM_PEER_RUMBLEPAD2_WIRELESS] = { "Logitech Cordless RumblePad 2", PAD_WIRE_VENDOR_LOGITECH,
-		                           PAD_WIRE_RUMBLEPAD2_WIRELESS, BUS_BLUETOOTH },
+					   PAD_WIRE_RUMBLEPAD2_WIRELESS, BUS_BLUETOOTH },
 	[SIM_PEER_SPACENAVIGATOR] = { "3Dconnexion SpaceNavigator", PAD_WIRE_VENDOR_LOGITECH, PAD_WIRE_SPACENAVIGATOR,
-		                      BUS_BLUETOOTH },
+				      BUS_BLUETOOTH },
 	[SIM_PEER_SPACEMOUSE_WIRELESS] = { "3Dconnexion SpaceMouse Wireless", PAD_WIRE_VENDOR_3DCONNEXION,
-		                           PAD_WIRE_SPACEMOUSE_WIRELESS, BUS_USB },
+					   PAD_WIRE_SPACEMOUSE_WIRELESS, BUS_USB },
 };
 
 static enum bb_status post(struct sim_uhid *u, const struct uhid_event *e)

@@ -1,7 +1,7 @@
 /*
- * sim/uhid.h: puts a HID peer before the kernel as a uhid device: hidraw and input nodes appear, reports flow both ways.
- * Needs /dev/uhid and the right to write to it. sim_uhid_step moves what waits and never blocks; the peer outlives it.
- * One thread.
+ * sim/uhid.h: puts a HID peer before the kernel as a uhid device: hidraw and input nodes appear, reports flow both
+ * ways. Needs /dev/uhid and the right to write to it. sim_uhid_step moves what waits and never blocks; the peer
+ * outlives it. One thread.
  */
 #ifndef BB_SIM_UHID_H
 #define BB_SIM_UHID_H

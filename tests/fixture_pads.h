@@ -27,7 +27,7 @@ struct pad_far {
 static struct pad_far *pad_far_now; /* ops->open has no argument for it */
 
 static inline enum bb_status pad_far_bus(void *ctx, const struct bb_hid_identity *wanted, struct bb_clock *clk,
-                                         struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err)
+					 struct bb_hid_bus **out, struct bb_hid_identity *found, struct bb_error *err)
 {
 	struct pad_far *far = ctx;
 	const char *serial = sim_peer_pad_serial(far->peer);
@@ -55,8 +55,8 @@ static inline enum bb_status pad_far_open_usb(struct bb_gamepad *g, const struct
 }
 
 static inline enum bb_status pad_far_events(void *ctx, const struct bb_input_identity *wanted, struct bb_clock *clk,
-                                            struct bb_input_bus **out, struct bb_input_identity *found,
-                                            struct bb_error *err)
+					    struct bb_input_bus **out, struct bb_input_identity *found,
+					    struct bb_error *err)
 {
 	struct pad_far *far = ctx;
 	const enum bb_status status = sim_input_bus_open(far->peer, clk, out);
@@ -78,8 +78,8 @@ static inline enum bb_status pad_far_open_evdev(struct bb_gamepad *g, const stru
 static inline const char *pad_far_uri(enum sim_peer_kind kind)
 {
 	static const char *const uris[SIM_PEER_KINDS] = {
-		[SIM_PEER_RUMBLEPAD2_WIRED] = "hid:046d:c218",    [SIM_PEER_RUMBLEPAD2_WIRELESS] = "hid:046d:c219",
-		[SIM_PEER_SPACENAVIGATOR] = "hid:046d:c626",      [SIM_PEER_SPACEMOUSE_WIRELESS] = "hid:256f:c62e",
+		[SIM_PEER_RUMBLEPAD2_WIRED] = "hid:046d:c218", [SIM_PEER_RUMBLEPAD2_WIRELESS] = "hid:046d:c219",
+		[SIM_PEER_SPACENAVIGATOR] = "hid:046d:c626",   [SIM_PEER_SPACEMOUSE_WIRELESS] = "hid:256f:c62e",
 		[SIM_PEER_XBOX_PAD] = "usb:045e:0719?slot=2",
 	};
 	return uris[kind];
@@ -92,20 +92,24 @@ static inline bool pad_is_hid(enum sim_peer_kind kind)
 
 /* The far end alone; the pad is not opened yet. */
 static inline struct pad_far *pad_far_create_uri(struct rig *rig, enum sim_peer_kind kind, const char *script,
-                                                 const char *uri)
+						 const char *uri)
 {
 	const bool evdev = !strncmp(uri, "evdev:", 6);
 	struct pad_far *far = calloc(1, sizeof(*far));
-	const struct sim_peer_config c = { .kind = kind, .id = "pad", .script = script, .seed = rig->open.seed,
-		                           .clk = rig->clk, .world = rig->world };
+	const struct sim_peer_config c = { .kind = kind,
+					   .id = "pad",
+					   .script = script,
+					   .seed = rig->open.seed,
+					   .clk = rig->clk,
+					   .world = rig->world };
 
 	assert_non_null(far);
 	far->kind = kind;
 	assert_int_equal(sim_peer_pad_create(&c, &far->peer), BB_OK);
 	far->evdev = evdev;
 	far->driver = evdev              ? bb_gamepad_evdev_driver
-	              : pad_is_hid(kind) ? bb_gamepad_hid_driver
-	                                 : bb_gamepad_xusb_driver;
+		      : pad_is_hid(kind) ? bb_gamepad_hid_driver
+					 : bb_gamepad_xusb_driver;
 	far->ops = *far->driver.ops;
 	far->ops.open = evdev ? pad_far_open_evdev : pad_is_hid(kind) ? pad_far_open_hid : pad_far_open_usb;
 	far->driver.ops = &far->ops;
@@ -127,7 +131,7 @@ static inline struct pad_far *pad_far_create(struct rig *rig, enum sim_peer_kind
 }
 
 static inline enum bb_status pad_far_open(struct pad_far *far, struct rig *rig, const struct bb_gamepad_config *c,
-                                          struct bb_gamepad **out)
+					  struct bb_gamepad **out)
 {
 	pad_far_now = far;
 	return bb_gamepad_open(&far->driver, c, &rig->open, out);
@@ -145,7 +149,7 @@ static inline const struct bb_pad_core *pad_far_core(const struct pad_far *far, 
 {
 	return far->evdev              ? bb_gamepad_evdev_core(g)
 	       : pad_is_hid(far->kind) ? bb_gamepad_hid_core(g)
-	                               : bb_gamepad_xusb_core(g);
+				       : bb_gamepad_xusb_core(g);
 }
 
 #endif

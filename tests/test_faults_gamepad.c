@@ -1,6 +1,7 @@
 /*
  * tests/test_faults_gamepad.c: rows H1 to H5 of the fault matrix, injected at the far end of the wire, detected and
- * recovered from by the shipped drivers, in virtual time. The reader reads once a frame of 60 Hz, as the frame loop does.
+ * recovered from by the shipped drivers, in virtual time. The reader reads once a frame of 60 Hz, as the frame loop
+ * does.
  */
 #include "tests/fixture_pads.h"
 
@@ -14,10 +15,10 @@ struct bench {
 	struct pad_far *far;
 	struct bb_gamepad *g;
 	char path[32];
-	enum bb_status status;      /* of the last frame's reads */
+	enum bb_status status; /* of the last frame's reads */
 	struct bb_pad_report last;
 	long reports;
-	uint64_t n_health;          /* events */
+	uint64_t n_health; /* events */
 };
 
 static void on_event(void *ctx, const struct bb_event *e)
@@ -41,7 +42,8 @@ static void begin(struct bench *t, enum sim_peer_kind kind, const char *still)
 	assert_true(fd >= 0);
 	at += (size_t)sprintf(text, "%s", still ? still : moving);
 	for (int i = 0; !still && i < 600; i++) /* never still: to and fro twice a second */
-		at += (size_t)sprintf(text + at, "%d.5 axis 1 %s 0.4\n%d axis 1 0.9 0.4\n", i, i % 4 == 3 ? "0" : "0.4", i + 1);
+		at += (size_t)sprintf(text + at, "%d.5 axis 1 %s 0.4\n%d axis 1 0.9 0.4\n", i, i % 4 == 3 ? "0" : "0.4",
+				      i + 1);
 	assert_int_equal(write(fd, text, at), (ssize_t)at);
 	close(fd);
 	free(text);
@@ -333,7 +335,8 @@ static void bad_reports(enum sim_peer_kind kind, const char *verb, const char *n
 	frames(&t, 2 * RIG_S);
 	assert_true(core(&t)->health == BB_HEALTH_QUARANTINED && named(&t, "PAD_QUARANTINE"));
 	assert_int_equal(t.status, BB_ERR_FORMAT);
-	assert_int_equal(bb_gamepad_rumble(t.g, 0, 0), kind == SIM_PEER_SPACENAVIGATOR ? BB_ERR_UNSUPPORTED : BB_ERR_FORMAT);
+	assert_int_equal(bb_gamepad_rumble(t.g, 0, 0),
+			 kind == SIM_PEER_SPACENAVIGATOR ? BB_ERR_UNSUPPORTED : BB_ERR_FORMAT);
 	fault(&t, verb, "", false);
 	frames(&t, 5 * RIG_S);
 	assert_int_equal(t.status, BB_ERR_FORMAT);
@@ -394,7 +397,7 @@ static void test_h4_hostile_descriptor(void **state)
 }
 
 static void axis_fault(enum sim_peer_kind kind, const char *still, const char *verb, const char *args, bool recentres,
-                       const char *name)
+		       const char *name)
 {
 	struct bench t;
 
@@ -425,7 +428,8 @@ static void test_h5_axes(void **state)
 
 	axis_fault(SIM_PEER_RUMBLEPAD2_WIRED, NULL, "stick_axis", "axis=3 value=0.7", false, "H5 stuck axis (hid)");
 	axis_fault(SIM_PEER_RUMBLEPAD2_WIRED, rest, "drift", "axis=3 offset=0.1", true, "H5 drift, recentred (hid)");
-	axis_fault(SIM_PEER_SPACEMOUSE_WIRELESS, rest, "drift", "axis=3 offset=-0.08", true, "H5 drift, SpaceMouse (hid)");
+	axis_fault(SIM_PEER_SPACEMOUSE_WIRELESS, rest, "drift", "axis=3 offset=-0.08", true,
+		   "H5 drift, SpaceMouse (hid)");
 	axis_fault(SIM_PEER_XBOX_PAD, NULL, "stick_axis", "axis=3 value=-1", false, "H5 stuck axis (xusb)");
 }
 
@@ -492,7 +496,7 @@ static void test_rumble_reaches_the_motors(void **state)
 {
 	(void)state;
 	static const enum sim_peer_kind kinds[] = { SIM_PEER_RUMBLEPAD2_WIRED, SIM_PEER_RUMBLEPAD2_WIRELESS,
-		                                    SIM_PEER_XBOX_PAD };
+						    SIM_PEER_XBOX_PAD };
 	float strong, weak;
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(kinds); i++) {

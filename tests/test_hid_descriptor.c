@@ -8,8 +8,8 @@
 
 #include <cmocka.h>
 
-#include "sim/sim_gamepad.h"
 #include "sim/peer_pads_impl.h"
+#include "sim/sim_gamepad.h"
 
 static struct bb_hid_layout layout;
 
@@ -34,11 +34,16 @@ static void test_far_ends(void **state)
 		uint8_t id;
 		size_t bytes;
 	} want[] = {
-		{ SIM_PEER_RUMBLEPAD2_WIRED, BB_HID_INPUT, 0, 8 },    { SIM_PEER_RUMBLEPAD2_WIRED, BB_HID_OUTPUT, 0, 7 },
-		{ SIM_PEER_RUMBLEPAD2_WIRELESS, BB_HID_INPUT, 1, 8 }, { SIM_PEER_RUMBLEPAD2_WIRELESS, BB_HID_OUTPUT, 1, 8 },
-		{ SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 1, 7 },      { SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 2, 7 },
-		{ SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 3, 3 },      { SIM_PEER_SPACENAVIGATOR, BB_HID_OUTPUT, 4, 2 },
-		{ SIM_PEER_SPACEMOUSE_WIRELESS, BB_HID_INPUT, 1, 13 }, { SIM_PEER_SPACEMOUSE_WIRELESS, BB_HID_INPUT, 0x17, 2 },
+		{ SIM_PEER_RUMBLEPAD2_WIRED, BB_HID_INPUT, 0, 8 },
+		{ SIM_PEER_RUMBLEPAD2_WIRED, BB_HID_OUTPUT, 0, 7 },
+		{ SIM_PEER_RUMBLEPAD2_WIRELESS, BB_HID_INPUT, 1, 8 },
+		{ SIM_PEER_RUMBLEPAD2_WIRELESS, BB_HID_OUTPUT, 1, 8 },
+		{ SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 1, 7 },
+		{ SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 2, 7 },
+		{ SIM_PEER_SPACENAVIGATOR, BB_HID_INPUT, 3, 3 },
+		{ SIM_PEER_SPACENAVIGATOR, BB_HID_OUTPUT, 4, 2 },
+		{ SIM_PEER_SPACEMOUSE_WIRELESS, BB_HID_INPUT, 1, 13 },
+		{ SIM_PEER_SPACEMOUSE_WIRELESS, BB_HID_INPUT, 0x17, 2 },
 	};
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(want); i++) {
@@ -77,8 +82,8 @@ static void test_fields(void **state)
 static void test_huge_is_fine(void **state)
 {
 	(void)state;
-	static const uint8_t huge[] = { 0x05, 0x01, 0x09, 0x02, 0xA1, 0x01, 0x1A, 0x00, 0x00, 0x2A, 0xFF, 0xFF,
-		                        0x96, 0x00, 0x08, 0x75, 0x08, 0x81, 0x02, 0xC0 };
+	static const uint8_t huge[] = { 0x05, 0x01, 0x09, 0x02, 0xA1, 0x01, 0x1A, 0x00, 0x00, 0x2A,
+					0xFF, 0xFF, 0x96, 0x00, 0x08, 0x75, 0x08, 0x81, 0x02, 0xC0 };
 	static const uint8_t extended[] = { 0x0B, 0x30, 0x00, 0x01, 0x00, 0x75, 0x08, 0x95, 0x01, 0x81, 0x02 };
 
 	assert_int_equal(parse(huge, sizeof(huge), NULL), BB_OK);
@@ -92,8 +97,8 @@ static void test_huge_is_fine(void **state)
 static void test_push_and_pop(void **state)
 {
 	(void)state;
-	static const uint8_t d[] = { 0x05, 0x09, 0x75, 0x01, 0x95, 0x08, 0xA4, 0x05, 0x01, 0x75, 0x10, 0x95, 0x02, 0x81, 0x02,
-		                     0xB4, 0x81, 0x02, 0xFE, 0x02, 0x10, 0xAA, 0xBB, 0xB1, 0x02 };
+	static const uint8_t d[] = { 0x05, 0x09, 0x75, 0x01, 0x95, 0x08, 0xA4, 0x05, 0x01, 0x75, 0x10, 0x95, 0x02,
+				     0x81, 0x02, 0xB4, 0x81, 0x02, 0xFE, 0x02, 0x10, 0xAA, 0xBB, 0xB1, 0x02 };
 
 	assert_int_equal(parse(d, sizeof(d), NULL), BB_OK);
 	assert_int_equal(layout.n_fields, 3);
@@ -111,7 +116,7 @@ static void test_hostile(void **state)
 	} bad[] = {
 		{ "no field", 0, { 0 } },
 		{ "no field", 6, { 0x05, 0x01, 0x09, 0x04, 0x75, 0x08 } },
-		{ "past the end", 2, { 0x26, 0xFF } },                     /* four bytes into a two-byte field, TinyUSB's */
+		{ "past the end", 2, { 0x26, 0xFF } }, /* four bytes into a two-byte field, TinyUSB's */
 		{ "past the end", 4, { 0x27, 0xFF, 0xFF, 0xFF } },
 		{ "past the end", 1, { 0xFE } },
 		{ "past the end", 3, { 0xFE, 0x05, 0x10 } },
@@ -192,8 +197,9 @@ static void test_cut_short(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(test_far_ends),    cmocka_unit_test(test_fields), cmocka_unit_test(test_huge_is_fine),
-		cmocka_unit_test(test_push_and_pop), cmocka_unit_test(test_hostile), cmocka_unit_test(test_caps),
+		cmocka_unit_test(test_far_ends),     cmocka_unit_test(test_fields),
+		cmocka_unit_test(test_huge_is_fine), cmocka_unit_test(test_push_and_pop),
+		cmocka_unit_test(test_hostile),      cmocka_unit_test(test_caps),
 		cmocka_unit_test(test_cut_short),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -24,16 +24,38 @@ static const struct golden goldens[] = {
 	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x01, 0x7F, 0x80, 0x7F, 0x08, 0x00, 0x04, 0xFF }, { -127 }, 0 },
 	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0xFF, 0x00, 0x80, 0x7F, 0x08, 0x00, 0x04, 0xFF }, { 127, -127 }, 0 },
 	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x80, 0x7F, 0x00, 0xFF, 0x08, 0x00, 0x04, 0xFF }, { 0, 0, -127, 127 }, 0 },
-	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x80, 0x7F, 0x80, 0x7F, 0x10, 0x00, 0x04, 0xFF }, { 0, 0, 0, 0, 0, -1 }, 1 },
-	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x80, 0x7F, 0x80, 0x7F, 0x83, 0x00, 0x04, 0xFF }, { 0, 0, 0, 0, 1, 1 }, 8 },
-	{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x80, 0x7F, 0x80, 0x7F, 0x06, 0x01, 0x04, 0xFF }, { 0, 0, 0, 0, -1, 0 }, 0x10 },
-	{ BB_PAD_KIND_RUMBLEPAD2_WIRELESS, 8, { 0x01, 0x80, 0x7F, 0x80, 0x7F, 0x27, 0xA0, 0x74 },
-	  { 0, 0, 0, 0, -1, -1 }, 0xA02 }, /* A, start, right stick */
+	{ BB_PAD_KIND_RUMBLEPAD2_WIRED,
+	  8,
+	  { 0x80, 0x7F, 0x80, 0x7F, 0x10, 0x00, 0x04, 0xFF },
+	  { 0, 0, 0, 0, 0, -1 },
+	  1 },
+	{ BB_PAD_KIND_RUMBLEPAD2_WIRED,
+	  8,
+	  { 0x80, 0x7F, 0x80, 0x7F, 0x83, 0x00, 0x04, 0xFF },
+	  { 0, 0, 0, 0, 1, 1 },
+	  8 },
+	{ BB_PAD_KIND_RUMBLEPAD2_WIRED,
+	  8,
+	  { 0x80, 0x7F, 0x80, 0x7F, 0x06, 0x01, 0x04, 0xFF },
+	  { 0, 0, 0, 0, -1, 0 },
+	  0x10 },
+	{ BB_PAD_KIND_RUMBLEPAD2_WIRELESS,
+	  8,
+	  { 0x01, 0x80, 0x7F, 0x80, 0x7F, 0x27, 0xA0, 0x74 },
+	  { 0, 0, 0, 0, -1, -1 },
+	  0xA02 }, /* A, start, right stick */
 	/* six words in one: x right, towards the user, down */
-	{ BB_PAD_KIND_SPACE, 13, { 0x01, 0x5E, 0x01, 0x64, 0x00, 0x9C, 0xFF, 0x01, 0x00, 0x02, 0x00, 0xFD, 0xFF },
-	  { 350, 100, 100, 1, 3, 2 }, 0 },
-	{ BB_PAD_KIND_SPACE, 7, { 0x02, 0x00, 0x00, 0xE2, 0xFF, 0x00, 0x00 }, { 0, 0, 0, 0, 0, -30 }, 0 }, /* recorded */
-	{ BB_PAD_KIND_SPACE, 3, { 0x03, 0x03, 0x00 }, { 0 }, 3 },                                          /* recorded */
+	{ BB_PAD_KIND_SPACE,
+	  13,
+	  { 0x01, 0x5E, 0x01, 0x64, 0x00, 0x9C, 0xFF, 0x01, 0x00, 0x02, 0x00, 0xFD, 0xFF },
+	  { 350, 100, 100, 1, 3, 2 },
+	  0 },
+	{ BB_PAD_KIND_SPACE,
+	  7,
+	  { 0x02, 0x00, 0x00, 0xE2, 0xFF, 0x00, 0x00 },
+	  { 0, 0, 0, 0, 0, -30 },
+	  0 },                                                    /* recorded */
+	{ BB_PAD_KIND_SPACE, 3, { 0x03, 0x03, 0x00 }, { 0 }, 3 }, /* recorded */
 	{ BB_PAD_KIND_SPACE, 5, { 0x03, 0x01, 0x02, 0x03, 0x04 }, { 0 }, 0x04030201 },
 	{ BB_PAD_KIND_SPACE, 7, { 0x02, 0x90, 0x01, 0x00, 0x80, 0x00, 0x80 }, { 0, 0, 0, 350, 350, -350 }, 0 },
 };
@@ -75,7 +97,9 @@ static void test_bad_reports(void **state)
 	} bad[] = {
 		{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 0, { 0 } },
 		{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 7, { 0x80, 0x7F, 0x80, 0x7F, 0x08, 0x00, 0x04 } },
-		{ BB_PAD_KIND_RUMBLEPAD2_WIRED, 8, { 0x80, 0x7F, 0x80, 0x7F, 0x09, 0x00, 0x04, 0xFF } }, /* no such hat */
+		{ BB_PAD_KIND_RUMBLEPAD2_WIRED,
+		  8,
+		  { 0x80, 0x7F, 0x80, 0x7F, 0x09, 0x00, 0x04, 0xFF } }, /* no such hat */
 		{ BB_PAD_KIND_RUMBLEPAD2_WIRELESS, 7, { 0x01, 0x80, 0x7F, 0x80, 0x7F, 0x08, 0x00 } },
 		{ BB_PAD_KIND_RUMBLEPAD2_WIRELESS, 8, { 0x02, 0x80, 0x7F, 0x80, 0x7F, 0x08, 0x00, 0x74 } },
 		{ BB_PAD_KIND_SPACE, 0, { 0 } },
@@ -100,13 +124,15 @@ static void test_rumble_is_written(void **state)
 {
 	(void)state;
 	static const uint8_t on[8] = { 0x00, 0x51, 0x00, 0x80, 0x00, 0xFF, 0x00, 0x00 };
-	static const uint8_t off[8] = { 0x01, 0xF3, 0x00, 0x00, 0x00, 0x00, 0x00, 0x00 };
+	static const uint8_t off[8] = { 0x00, 0xF3 }, wireless[8] = { 0x01, 0x42, 0x00, 0x80, 0xFF };
 	uint8_t out[BB_PAD_RUMBLE_BYTES];
 
-	bb_pad_encode_rumble(0, 1, 0.5f, out);
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRED, 0, 1, 0.5f, out);
 	assert_memory_equal(out, on, sizeof(on));
-	bb_pad_encode_rumble(1, 0, 0, out);
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRED, 0, 0, 0, out);
 	assert_memory_equal(out, off, sizeof(off));
+	bb_pad_encode_rumble(BB_PAD_KIND_RUMBLEPAD2_WIRELESS, 1, 1, 0.5f, out);
+	assert_memory_equal(out, wireless, sizeof(wireless));
 }
 
 static const struct {
@@ -120,15 +146,23 @@ static const struct {
 	{ BB_XUSB_SAID_PRESENT, 2, { 0x08, 0xC0 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_ABSENT, 2, { 0x08, 0x40 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_ABSENT, 2, { 0x08, 0x00 }, { 0 }, 0 },
-	{ BB_XUSB_SAID_LINK, 29, { 0x00, 0x0F, 0x00, 0xF0, 0xF0, 0xCC, 0xFD, 0x1F, 0x9F, 0x70, 0xC9, 0x00, 0x63, 0xB0, 0x00,
-	                           0x05, 0x13, 0xA7, 0x20, 0x1D, 0x30, 0x03, 0x40, 0x01, 0x50, 0x01, 0xFF, 0xFF, 0xFF }, { 0 }, 0 },
+	{ BB_XUSB_SAID_LINK,
+	  29,
+	  { 0x00, 0x0F, 0x00, 0xF0, 0xF0, 0xCC, 0xFD, 0x1F, 0x9F, 0x70, 0xC9, 0x00, 0x63, 0xB0, 0x00,
+	    0x05, 0x13, 0xA7, 0x20, 0x1D, 0x30, 0x03, 0x40, 0x01, 0x50, 0x01, 0xFF, 0xFF, 0xFF },
+	  { 0 },
+	  0 },
 	{ BB_XUSB_SAID_LINK, 29, { 0x00, 0xF8, 0x02 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_LINK, 29, { 0x00, 0xF8, 0x01 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_BATTERY, 29, { 0x00, 0x00, 0x00, 0x13, 0xA2 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_STATE, 29, { 0x00, 0x01, 0x00, 0xF0, 0x00, 0x13 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_STATE, 29, { 0x00, 0x01, 0x00, 0xF0, 0x00, 0x13, 0x19, 0x10 }, { 0, 0, 0, 0, 1, -1 }, 0x81 },
-	{ BB_XUSB_SAID_STATE, 29, { 0x00, 0x01, 0x00, 0xF0, 0x00, 0x13, 0xE6, 0xE7, 0xFF, 0x80, 0xFF, 0x7F, 0x00, 0x80, 0x69, 0xED,
-	                            0x23, 0xFF }, { 32767, 32767, -4759, 221, -1, 1 }, 0x77E },
+	{ BB_XUSB_SAID_STATE,
+	  29,
+	  { 0x00, 0x01, 0x00, 0xF0, 0x00, 0x13, 0xE6, 0xE7, 0xFF, 0x80, 0xFF, 0x7F, 0x00, 0x80, 0x69, 0xED, 0x23,
+	    0xFF },
+	  { 32767, 32767, -4759, 221, -1, 1 },
+	  0x77E },
 	{ BB_XUSB_SAID_BAD, 0, { 0 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_BAD, 2, { 0x08, 0x01 }, { 0 }, 0 },
 	{ BB_XUSB_SAID_BAD, 2, { 0x09, 0x80 }, { 0 }, 0 },
@@ -153,7 +187,8 @@ static void test_packets_are_read(void **state)
 static void test_commands_are_written(void **state)
 {
 	(void)state;
-	static const uint8_t inquiry[12] = { 0x08, 0x00, 0x0F, 0xC0 }, rumble[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, 0xFF, 0x80 };
+	static const uint8_t inquiry[12] = { 0x08, 0x00, 0x0F, 0xC0 },
+			     rumble[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, 0xFF, 0x80 };
 	static const uint8_t led[12] = { 0x00, 0x00, 0x08, 0x46 }, off[12] = { 0x00, 0x00, 0x08, 0xC0 };
 	uint8_t out[BB_XUSB_COMMAND_BYTES];
 
@@ -176,12 +211,25 @@ static const struct {
 	uint8_t bytes[29];
 } said[] = {
 	{ SIM_PEER_RUMBLEPAD2_WIRED, "0 axis 1 -1 0\n", 8, { 0x01, 0x7F, 0x80, 0x7F, 0x08, 0x00, 0x04, 0xFF } },
-	{ SIM_PEER_RUMBLEPAD2_WIRED, "0 report 1 -1 0 0 0 0 0\n", 8, { 0xFF, 0x00, 0x80, 0x7F, 0x08, 0x00, 0x04, 0xFF } },
-	{ SIM_PEER_RUMBLEPAD2_WIRED, "0 report 0 0 0 0 0 -1 1\n", 8, { 0x80, 0x7F, 0x80, 0x7F, 0x10, 0x00, 0x04, 0xFF } },
-	{ SIM_PEER_RUMBLEPAD2_WIRED, "0 report 0 0 0 0 1 1 8\n", 8, { 0x80, 0x7F, 0x80, 0x7F, 0x83, 0x00, 0x04, 0xFF } },
-	{ SIM_PEER_RUMBLEPAD2_WIRELESS, "0 report 0 0 0 0 -1 -1 0xA02\n", 8,
+	{ SIM_PEER_RUMBLEPAD2_WIRED,
+	  "0 report 1 -1 0 0 0 0 0\n",
+	  8,
+	  { 0xFF, 0x00, 0x80, 0x7F, 0x08, 0x00, 0x04, 0xFF } },
+	{ SIM_PEER_RUMBLEPAD2_WIRED,
+	  "0 report 0 0 0 0 0 -1 1\n",
+	  8,
+	  { 0x80, 0x7F, 0x80, 0x7F, 0x10, 0x00, 0x04, 0xFF } },
+	{ SIM_PEER_RUMBLEPAD2_WIRED,
+	  "0 report 0 0 0 0 1 1 8\n",
+	  8,
+	  { 0x80, 0x7F, 0x80, 0x7F, 0x83, 0x00, 0x04, 0xFF } },
+	{ SIM_PEER_RUMBLEPAD2_WIRELESS,
+	  "0 report 0 0 0 0 -1 -1 0xA02\n",
+	  8,
 	  { 0x01, 0x80, 0x7F, 0x80, 0x7F, 0x27, 0xA0, 0x74 } },
-	{ SIM_PEER_SPACEMOUSE_WIRELESS, "0 report 1 0.2857 0.2857 0.00286 0.00857 0.00571 0\n", 13,
+	{ SIM_PEER_SPACEMOUSE_WIRELESS,
+	  "0 report 1 0.2857 0.2857 0.00286 0.00857 0.00571 0\n",
+	  13,
 	  { 0x01, 0x5E, 0x01, 0x64, 0x00, 0x9C, 0xFF, 0x01, 0x00, 0x02, 0x00, 0xFD, 0xFF } },
 	{ SIM_PEER_SPACENAVIGATOR, "0 button 1 down\n0 button 2 down\n", 3, { 0x03, 0x03, 0x00 } },
 	{ SIM_PEER_SPACENAVIGATOR, "0 axis 6 -0.0857 0\n", 7, { 0x02, 0x00, 0x00, 0xE2, 0xFF, 0x00, 0x00 } },
@@ -232,7 +280,8 @@ static void test_far_ends_at_rest(void **state)
 		struct rig *rig = rig_create(7, 1);
 		char path[32];
 		script_file(path, "0 axis 1 1 0\n0.1 axis 1 0 0\n");
-		struct pad_far *far = pad_far_create(rig, k ? SIM_PEER_RUMBLEPAD2_WIRELESS : SIM_PEER_RUMBLEPAD2_WIRED, path);
+		struct pad_far *far =
+			pad_far_create(rig, k ? SIM_PEER_RUMBLEPAD2_WIRELESS : SIM_PEER_RUMBLEPAD2_WIRED, path);
 		uint8_t bytes[SIM_PEER_PACKET_BYTES];
 		size_t n = 0, n_last = 0;
 		int64_t at_ns;
@@ -251,7 +300,8 @@ static void test_far_ends_hear_commands(void **state)
 {
 	(void)state;
 	static const uint8_t hid[8] = { 0x00, 0x51, 0x00, 0x80, 0x00, 0xFF, 0x00, 0x00 }, stop[8] = { 0x00, 0xF3 };
-	static const uint8_t usb[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, 0xFF, 0x80 }, off[12] = { 0x00, 0x00, 0x08, 0xC0 };
+	static const uint8_t usb[12] = { 0x00, 0x01, 0x0F, 0xC0, 0x00, 0xFF, 0x80 },
+			     off[12] = { 0x00, 0x00, 0x08, 0xC0 };
 	static const uint8_t ask[12] = { 0x08, 0x00, 0x0F, 0xC0 }, led[12] = { 0x00, 0x00, 0x08, 0x49 };
 	struct rig *rig = rig_create(7, 1);
 	struct pad_far *far = pad_far_create(rig, SIM_PEER_RUMBLEPAD2_WIRED, "");
@@ -261,7 +311,8 @@ static void test_far_ends_hear_commands(void **state)
 	size_t n;
 
 	assert_int_equal(sim_peer_pad_give(far->peer, hid, 8), BB_OK);
-	assert_true(sim_peer_pad_rumble(far->peer, &strong, &weak) && fabsf(strong - 1) < 1e-6f && fabsf(weak - 128.0f / 255) < 1e-6f);
+	assert_true(sim_peer_pad_rumble(far->peer, &strong, &weak) && fabsf(strong - 1) < 1e-6f &&
+		    fabsf(weak - 128.0f / 255) < 1e-6f);
 	assert_int_equal(sim_peer_pad_give(far->peer, stop, 8), BB_OK);
 	assert_true(sim_peer_pad_rumble(far->peer, &strong, &weak) && fabsf(strong) + fabsf(weak) < 1e-6f);
 	assert_int_equal(sim_peer_pad_give(far->peer, hid, 7), BB_ERR_IO);
@@ -272,7 +323,8 @@ static void test_far_ends_hear_commands(void **state)
 	while (sim_peer_pad_take(far->peer, bytes, sizeof(bytes), &n, &at_ns) == BB_OK)
 		;
 	assert_int_equal(sim_peer_pad_give(far->peer, usb, 12), BB_OK);
-	assert_true(sim_peer_pad_rumble(far->peer, &strong, &weak) && fabsf(strong - 1) < 1e-6f && fabsf(weak - 128.0f / 255) < 1e-6f);
+	assert_true(sim_peer_pad_rumble(far->peer, &strong, &weak) && fabsf(strong - 1) < 1e-6f &&
+		    fabsf(weak - 128.0f / 255) < 1e-6f);
 	assert_int_equal(sim_peer_pad_give(far->peer, led, 12), BB_OK);
 	assert_int_equal(sim_peer_pad_led(far->peer), 9);
 	assert_int_equal(sim_peer_pad_give(far->peer, ask, 12), BB_OK);
@@ -308,7 +360,9 @@ static void test_usb_faces(void **state)
 		rig_pass(rig, 4 * RIG_S);
 		assert_true(sim_usb_transfer(dev, 0x81, bytes, 64) > 1);
 		if (kind == SIM_PEER_RUMBLEPAD2_WIRED) {
-			const struct bb_usb_setup set = { .request_type = 0x21, .request = 9, .value = 0x0200, .length = 7 };
+			const struct bb_usb_setup set = {
+				.request_type = 0x21, .request = 9, .value = 0x0200, .length = 7
+			};
 			float strong, weak;
 			uint8_t report[7] = { 0x51, 0, 0, 0, 0xFF };
 			assert_int_equal(sim_usb_control(dev, &set, report, 7), 7);
@@ -399,12 +453,18 @@ static void test_bad_uris(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(test_reports_are_read),      cmocka_unit_test(test_halves_and_battery),
-		cmocka_unit_test(test_bad_reports),           cmocka_unit_test(test_rumble_is_written),
-		cmocka_unit_test(test_packets_are_read),      cmocka_unit_test(test_commands_are_written),
-		cmocka_unit_test(test_far_ends_say_the_same), cmocka_unit_test(test_far_ends_at_rest),
-		cmocka_unit_test(test_far_ends_hear_commands), cmocka_unit_test(test_usb_faces),
-		cmocka_unit_test(test_receiver_slots),        cmocka_unit_test(test_bad_uris),
+		cmocka_unit_test(test_reports_are_read),
+		cmocka_unit_test(test_halves_and_battery),
+		cmocka_unit_test(test_bad_reports),
+		cmocka_unit_test(test_rumble_is_written),
+		cmocka_unit_test(test_packets_are_read),
+		cmocka_unit_test(test_commands_are_written),
+		cmocka_unit_test(test_far_ends_say_the_same),
+		cmocka_unit_test(test_far_ends_at_rest),
+		cmocka_unit_test(test_far_ends_hear_commands),
+		cmocka_unit_test(test_usb_faces),
+		cmocka_unit_test(test_receiver_slots),
+		cmocka_unit_test(test_bad_uris),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

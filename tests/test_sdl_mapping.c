@@ -5,10 +5,11 @@
 #include <math.h>
 #include <unistd.h>
 
-static const char good[] = "030000006d04000019c2000010010000,Logitech RumblePad 2,a:b1,b:b2,x:b0,y:b3,back:b8,start:b9,"
-                           "leftshoulder:b4,rightshoulder:b5,lefttrigger:b6,righttrigger:b7,leftstick:b10,rightstick:b11,"
-                           "leftx:a0,lefty:a1,rightx:a2,righty:a3~,dpup:h0.1,dpright:h0.2,dpdown:h0.4,dpleft:h0.8,"
-                           "misc1:b12,platform:Linux,";
+static const char good[] =
+	"030000006d04000019c2000010010000,Logitech RumblePad 2,a:b1,b:b2,x:b0,y:b3,back:b8,start:b9,"
+	"leftshoulder:b4,rightshoulder:b5,lefttrigger:b6,righttrigger:b7,leftstick:b10,rightstick:b11,"
+	"leftx:a0,lefty:a1,rightx:a2,righty:a3~,dpup:h0.1,dpright:h0.2,dpdown:h0.4,dpleft:h0.8,"
+	"misc1:b12,platform:Linux,";
 
 static enum bb_status parse(const char *line, struct bb_sdl_mapping *m, struct bb_error *err)
 {
@@ -44,11 +45,14 @@ static void test_good_line(void **state)
 		fail_msg("%s", err.text);
 	assert_string_equal(m.name, "Logitech RumblePad 2");
 	assert_int_equal(m.n, 20);
-	assert_true(m.binding[0].target == BB_SDL_A && m.binding[0].source == BB_SDL_FROM_BUTTON && m.binding[0].index == 1);
+	assert_true(m.binding[0].target == BB_SDL_A && m.binding[0].source == BB_SDL_FROM_BUTTON &&
+		    m.binding[0].index == 1);
 	assert_true(m.binding[15].target == BB_SDL_RIGHT_Y && m.binding[15].turned && m.binding[15].index == 3);
 	assert_true(m.binding[16].source == BB_SDL_FROM_HAT && m.binding[16].hat_bit == 1);
-	assert_int_equal(parse("030000006d04000019c2000010010000,x,-leftx:-a4,+leftx:+a4~,lefttrigger:+a2,platform:Linux,\r\n", &m, NULL),
-	                 BB_OK);
+	assert_int_equal(
+		parse("030000006d04000019c2000010010000,x,-leftx:-a4,+leftx:+a4~,lefttrigger:+a2,platform:Linux,\r\n",
+		      &m, NULL),
+		BB_OK);
 	assert_true(m.binding[0].target_half == -1 && m.binding[0].half == -1 && m.binding[1].turned);
 	assert_true(m.binding[2].half == 1 && !m.binding[2].target_half);
 }
@@ -56,7 +60,8 @@ static void test_good_line(void **state)
 static void test_skipped_lines(void **state)
 {
 	(void)state;
-	static const char *const skipped[] = { "", "\n", "# Linux", "030000006d04000019c2000010010000,x,a:b0,platform:Windows," };
+	static const char *const skipped[] = { "", "\n", "# Linux",
+					       "030000006d04000019c2000010010000,x,a:b0,platform:Windows," };
 	struct bb_sdl_mapping m;
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(skipped); i++)
@@ -67,13 +72,23 @@ static void test_bad_lines(void **state)
 {
 	(void)state;
 	static const char *const bad[] = {
-		"xyz", "030000006d04000019c200001001000,short,a:b0,", "030000006d04000019c20000100100zz,x,a:b0,",
-		"030000006d04000019c2000010010000,x,a", "030000006d04000019c2000010010000,x,a:", "030000006d04000019c2000010010000,x,a:b",
-		"030000006d04000019c2000010010000,x,a:b128", "030000006d04000019c2000010010000,x,a:b99999999999",
-		"030000006d04000019c2000010010000,x,a:c1", "030000006d04000019c2000010010000,x,a:b1~",
-		"030000006d04000019c2000010010000,x,a:h0", "030000006d04000019c2000010010000,x,a:h0.3",
-		"030000006d04000019c2000010010000,x,a:h0.16", "030000006d04000019c2000010010000,x,a:+b1",
-		"030000006d04000019c2000010010000,x,a:a1x", "030000006d04000019c2000010010000,x,a:+", "030000006d04000019c2000010010000,x,a:h.1",
+		"xyz",
+		"030000006d04000019c200001001000,short,a:b0,",
+		"030000006d04000019c20000100100zz,x,a:b0,",
+		"030000006d04000019c2000010010000,x,a",
+		"030000006d04000019c2000010010000,x,a:",
+		"030000006d04000019c2000010010000,x,a:b",
+		"030000006d04000019c2000010010000,x,a:b128",
+		"030000006d04000019c2000010010000,x,a:b99999999999",
+		"030000006d04000019c2000010010000,x,a:c1",
+		"030000006d04000019c2000010010000,x,a:b1~",
+		"030000006d04000019c2000010010000,x,a:h0",
+		"030000006d04000019c2000010010000,x,a:h0.3",
+		"030000006d04000019c2000010010000,x,a:h0.16",
+		"030000006d04000019c2000010010000,x,a:+b1",
+		"030000006d04000019c2000010010000,x,a:a1x",
+		"030000006d04000019c2000010010000,x,a:+",
+		"030000006d04000019c2000010010000,x,a:h.1",
 	};
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++) {
@@ -99,11 +114,11 @@ static void test_find(void **state)
 {
 	(void)state;
 	static const char text[] = "# a comment\nnot a line at all\n\n"
-	                           "03000000aabb00001122000000000000,broken,a:zzz,platform:Linux,\n"
-	                           "030000006d04000019c2000000000000,other version,a:b5,platform:Linux,\n"
-	                           "03001234 6d04,\n"
-	                           "0300abcd6d04000019c2000010010000,with checksum,a:b6,platform:Linux,\n"
-	                           "030000006d04000019c2000010010000,later,a:b7,platform:Linux,";
+				   "03000000aabb00001122000000000000,broken,a:zzz,platform:Linux,\n"
+				   "030000006d04000019c2000000000000,other version,a:b5,platform:Linux,\n"
+				   "03001234 6d04,\n"
+				   "0300abcd6d04000019c2000010010000,with checksum,a:b6,platform:Linux,\n"
+				   "030000006d04000019c2000010010000,later,a:b7,platform:Linux,";
 	struct bb_input_identity id = { .bus = 3, .vendor = 0x046D, .product = 0xC219, .version = 0x0110 };
 	struct bb_sdl_mapping m;
 	struct bb_error err = { 0 };
@@ -130,7 +145,8 @@ static void test_a_pad_through_a_line(void **state)
 {
 	(void)state;
 	char map[32] = "/tmp/bb-map-XXXXXX", script[32] = "/tmp/bb-pad-XXXXXX", uri[64];
-	static const char events[] = "0.1 button 2 down\n0.1 axis 1 -0.5 0\n0.1 axis 4 0.5 0\n0.1 axis 6 -1 0\n0.1 button 7 down\n";
+	static const char events[] =
+		"0.1 button 2 down\n0.1 axis 1 -0.5 0\n0.1 axis 4 0.5 0\n0.1 axis 6 -1 0\n0.1 button 7 down\n";
 	int fd = mkstemp(map);
 	struct bb_pad_report r, last = { 0 };
 	struct bb_gamepad *g;
@@ -169,8 +185,9 @@ static void test_a_pad_through_a_line(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(test_guid),      cmocka_unit_test(test_good_line), cmocka_unit_test(test_skipped_lines),
-		cmocka_unit_test(test_bad_lines), cmocka_unit_test(test_find),      cmocka_unit_test(test_a_pad_through_a_line),
+		cmocka_unit_test(test_guid),          cmocka_unit_test(test_good_line),
+		cmocka_unit_test(test_skipped_lines), cmocka_unit_test(test_bad_lines),
+		cmocka_unit_test(test_find),          cmocka_unit_test(test_a_pad_through_a_line),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -43,6 +43,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 			abort();
 		at += n;
 	}
-	bb_pad_encode_rumble(data[0], (float)size / 64, (float)data[0] / 64 - 1, out);
+	bb_pad_encode_rumble(kind, data[0], (float)size / 64, (float)data[0] / 64 - 1, out);
 	return 0;
 }
