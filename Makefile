@@ -59,7 +59,7 @@ $B/%.o: %.c Makefile
 	@$(CC) $(ALL_CFLAGS) -MMD -MP -c -o $@ $<
 
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
-	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS) -lcmocka
+	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
 
 # What runs in the guest carries only the libraries it uses.
 $B/tests/guest/%: $B/tests/guest/%.o $B/libblackburst.a
@@ -108,7 +108,7 @@ check-kernel:
 
 guest-programs: $(GUEST)
 
-tests: $(TESTS)
+tests: $(TESTS) $(GUEST)
 
 # Every header compiles on its own.
 hdr-check: $(HDR:%.h=$B/%.hco)
