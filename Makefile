@@ -61,7 +61,7 @@ $B/%.o: %.c Makefile
 	@$(CC) $(ALL_CFLAGS) -MMD -MP -c -o $@ $<
 
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
-	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS) -lcmocka
+	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
 
 # What runs in the guest carries only the libraries it uses.
 $B/tests/guest/%: $B/tests/guest/%.o $B/libblackburst.a
@@ -102,7 +102,7 @@ check:
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
 	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room BB_REPLAY=$B/tests tests/run.sh $(TESTS) tests/fuzz/replay.sh $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS) $(REPLAYS) $B/tests/hw_room
+tests: $(TESTS) $(REPLAYS) $(GUEST) $B/tests/hw_room
 
 # Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a

@@ -73,19 +73,20 @@ extract_vmlinux() {
 	tail -c +$((at + 1)) "$1" | xz -dc --single-stream >"$2" 2>/dev/null || [ -s "$2" ]
 }
 
-get_kernel() {
+# Sets kernel, version and tree; a kernel that is not there yet is fetched.
+find_kernel() {
 	kernel=$(kernel_name)
-	if [ -z "$kernel" ]; then
-		# shellcheck disable=SC2086
-		as_root apt-get $apt_quick update >"$log" 2>&1 || true
-		kernel=$(kernel_name)
-	fi
-	if [ -n "$kernel" ]; then
-		version=$(package_version "linux-image-$kernel")
-		tree=$out/kernel-${kernel}_$version
-		[ -d "$tree" ] && return
-		fetch_kernel && return
-	fi
+	[ -n "$kernel" ] || return 1
+	version=$(package_version "linux-image-$kernel")
+	tree=$out/kernel-${kernel}_$version
+	[ -d "$tree" ] || fetch_kernel
+}
+
+get_kernel() {
+	find_kernel && return
+	# No package lists, or lists so old that the mirror has moved on.
+	# shellcheck disable=SC2086
+	as_root apt-get $apt_quick update >"$log" 2>&1 && find_kernel && return
 	# No mirror: a kernel that was fetched earlier will do.
 	tree=$(find "$out" -maxdepth 1 -name 'kernel-*_*' ! -name '*.part' | LC_ALL=C sort | tail -n 1)
 	[ -n "$tree" ] || skip "the package linux-image-amd64 cannot be had: $(tail -n 1 "$log")"
@@ -119,7 +120,8 @@ build_modules() { # FOLDER: leaves build/guest/NAME-OF-FOLDER/*.ko
 	cp -r "$1" "$built"
 	[ -f "$built/Kbuild" ] || [ -f "$built/Makefile" ] ||
 		(cd "$built" && for c in *.c; do echo "obj-m += ${c%.c}.o"; done >Kbuild)
-	make -s -C "$headers/usr/src/linux-headers-$kernel" M="$PWD/$built" modules >"$log" 2>&1 ||
+	make -s -C "$headers/usr/src/linux-headers-$kernel" M="$PWD/$built" \
+		KCFLAGS="-fmacro-prefix-map=$PWD/$built/=" modules >"$log" 2>&1 ||
 		{ cat "$log" >&2; echo "guest: $1 does not build for $kernel" >&2; exit 1; }
 	# Debug data hold this machine's paths, and the build id hashes them: neither may reach the guest's key.
 	for module in "$built"/*.ko; do
@@ -229,6 +231,9 @@ pack "$root" "$out/base.cpio"
 pack "$stage/programs" "$out/programs.cpio"
 cat "$out/base.cpio" "$out/programs.cpio" >"$out/guest.cpio"
 ln -sf "${tree##*/}/vmlinux" "$out/vmlinux"
-cat "$out/vmlinux" "$(command -v qemu-system-x86_64)" "$out/base.cpio" $here/machine.sh | sha256sum | cut -c1-16 >"$out/environment"
+{
+	echo "${MEMORY:-256}"
+	cat "$out/vmlinux" "$(command -v qemu-system-x86_64)" "$out/base.cpio" $here/machine.sh
+} | sha256sum | cut -c1-16 >"$out/environment"
 cat "$out/environment" "$out/programs.cpio" | sha256sum | cut -c1-16 >"$out/key"
 echo "guest: kernel $kernel ($version), initramfs $(($(wc -c <"$out/guest.cpio") / 1048576)) MiB, key $(cat "$out/environment")/$(cat "$out/key")"

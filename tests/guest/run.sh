@@ -190,6 +190,8 @@ junit() {
 }
 
 begun=$(date +%s)
+# Sanitizers want memory.
+[ -z "${SAN:-}" ] || export MEMORY="${MEMORY:-512}"
 plain=1 variant=
 case ${1:-build/gcc/} in build/gcc/*) ;; *) plain=0 variant=" (not the plain build)" ;; esac
 prepare "$@"

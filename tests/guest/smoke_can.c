@@ -89,7 +89,7 @@ int main(int argc, char **argv)
 	int near, far;
 
 	NEED(argc == 4);
-	rounds = atoi(argv[1]);
+	rounds = (int)strtol(argv[1], NULL, 10);
 	NEED(rounds > 0 && rounds <= MAX_ROUNDS);
 	near = open_can(argv[2], PONG_ID);
 	far = open_can(argv[3], PING_ID);
