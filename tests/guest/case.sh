@@ -23,7 +23,7 @@ verdict() { # WORD REASON
 # What the guest reads as its case; QEMU wants the same size each time.
 write_case() {
 	replugs=3
-	[ "$long" != 1 ] || replugs=100
+	[ "$long" != 1 ] || replugs=100 timeout_s=$((timeout_s * 30))
 	{
 		echo "timeout_s=$timeout_s modules='$(echo "$modules" | sed 's/^-$//; s/,/ /g')'"
 		echo "export LONG=$long REPLUGS=$replugs"

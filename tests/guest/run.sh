@@ -223,6 +223,7 @@ begun=$(date +%s)
 [ -z "${SAN:-}" ] || export MEMORY="${MEMORY:-512}"
 plain=1 variant=
 case ${1:-build/gcc/} in build/gcc/*) ;; *) plain=0 variant=" (not the plain build)" ;; esac
+[ "${LONG:-0}" != 1 ] || plain=0 variant=" (with LONG=1)"
 prepare "$@"
 select_cases
 [ -s $out/selected ] || nothing "ONLY=\"${ONLY:-}\" names no case of cases.txt"
