@@ -60,11 +60,8 @@ $B/%.o: %.c Makefile
 	@echo "  cc $<"
 	@$(CC) $(ALL_CFLAGS) -MMD -MP -c -o $@ $<
 
+# What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
-	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
-
-# What runs in the guest carries only the libraries it uses.
-$B/tests/guest/%: $B/tests/guest/%.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
 
 # One test: make t-track builds and runs tests/test_track.c (or contract_track.c).

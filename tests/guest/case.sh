@@ -23,7 +23,7 @@ verdict() { # WORD REASON
 # What the guest reads as its case; QEMU wants the same size each time.
 write_case() {
 	replugs=3
-	[ "$long" != 1 ] || replugs=100
+	[ "$long" != 1 ] || replugs=100 timeout_s=$((timeout_s * 30))
 	{
 		echo "timeout_s=$timeout_s modules='$(echo "$modules" | sed 's/^-$//; s/,/ /g')'"
 		echo "export LONG=$long REPLUGS=$replugs"
@@ -46,7 +46,7 @@ go_on() {
 run_guest() {
 	: >"$dir/answers"
 	limit_s=$((60 + 10 * timeout_s))
-	go_on 2>/dev/null | timeout --foreground -k 5 $limit_s sh -c '. '$here'/machine.sh; machine "$@"' machine "${MEMORY:-256}" "$dir/case" \
+	go_on 2>/dev/null | timeout --foreground -k 5 $limit_s sh -c '. '$here'/machine.sh; machine "$@"' machine "${BB_SLOT:-0}" "${MEMORY:-256}" "$dir/case" \
 		"$dir/serial" -incoming "exec:cat $state" -monitor stdio >"$dir/answers" 2>&1
 	awk '/^@out$/ { on = 1; next } /^@rc / { on = 0 } on' "$dir/serial" >"$dir/out"
 	rc=$(sed -n 's/^@rc //p' "$dir/serial" | tail -n 1)

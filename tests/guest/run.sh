@@ -40,6 +40,7 @@ select_cases() {
 		done
 		set +f
 	done >$out/selected
+	[ "${RECORD:-0}" != 1 ] || DETERMINISM=1 # only what came twice is recorded
 	case ${DETERMINISM:-smoke} in
 	0) : ;;
 	smoke) grep '^smoke_' $out/selected ;;
@@ -49,13 +50,13 @@ select_cases() {
 
 # Two guests come up at the same time. The first is kept for later runs of the very same machine; the second never is.
 snapshots() {
-	find $out -maxdepth 1 -name 'state-*' ! -name "state-$key" -exec rm -f {} +
+	find $out -maxdepth 1 -name 'state-*' ! -name "state-$key*" -exec rm -f {} +
 	second=
 	if [ -s $out/again ]; then
-		$here/snapshot.sh state-second "${MEMORY:-256}" >$out/second.log 2>&1 &
+		$here/snapshot.sh state-second "${MEMORY:-256}" 1 >$out/second.log 2>&1 &
 		second=$!
 	fi
-	[ -f $out/state-"$key" ] || $here/snapshot.sh state-"$key" "${MEMORY:-256}"
+	[ -f $out/state-"$key" ] || $here/snapshot.sh state-"$key" "${MEMORY:-256}" 0
 	up=$?
 	[ -z "$second" ] || wait "$second" || { cat $out/second.log; up=1; }
 	[ $up = 0 ] || { echo "0 passed, 1 failed, 0 skipped"; exit 1; }
@@ -65,7 +66,7 @@ snapshots() {
 
 run_cases() { # LIST STATE LOGS
 	rm -rf "${out:?}/$3"
-	tr '\n' '\0' <"$1" | xargs -0 -r -P "${JOBS:-$(nproc)}" -n 1 $here/case.sh "$2" "$3"
+	tr '\n' '\0' <"$1" | xargs -0 -r --process-slot-var=BB_SLOT -P "${JOBS:-$(nproc)}" -n 1 $here/case.sh "$2" "$3"
 }
 
 # ---- results: one line each in $out/results: SUITE, NAME, VERDICT, MILLISECONDS, REASON, separated by tabs ----
@@ -85,20 +86,38 @@ collect() {
 	done <$out/selected
 }
 
+# Runs a case once more. A host with other work can still set a guest's clock some microseconds wrong (machine.sh), now and
+# then; a difference that is the guest's own comes back each time.
+once_more() { # NAME STATE LOGS
+	grep "^$1[ $tab]" $out/selected | tr '\n' '\0' | xargs -0 -n 1 $here/case.sh "$2" "$3"
+}
+
 compare() {
 	while read -r name _; do
 		grep -q "^pass" $out/logs/"$name"/verdict || continue
 		took=$(cut -d' ' -f2 $out/logs-second/"$name"/verdict)
-		if cmp $out/logs/"$name"/out $out/logs-second/"$name"/out >$out/difference 2>&1; then
-			result "same again" "$name" pass "$took" ""
+		mkdir -p $out/logs-first
+		cp -r $out/logs/"$name" $out/logs-first/
+		tries=1
+		until cmp $out/logs-first/"$name"/out $out/logs-second/"$name"/out >$out/difference 2>&1 || [ $tries = 4 ]; do
+			tries=$((tries + 1))
+			once_more "$name" state-"$key" logs-first
+			once_more "$name" state-second logs-second
+		done
+		word=pass reason=
+		[ $tries = 1 ] || reason="at attempt $tries"
+		if [ -s $out/difference ]; then
+			word=fail reason=$(tail -n 1 $out/difference)
 		else
-			result "same again" "$name" fail "$took" "$(tail -n 1 $out/difference)"
+			cp $out/logs-first/"$name"/out $out/logs/"$name"/out # what the gates look at
 		fi
+		result "same again" "$name" $word "$took" "$reason"
 	done <$out/again
+	rm -rf $out/logs-first
 }
 
-metrics() { # CASE: "METRIC VALUE" a line
-	grep '^{' $out/logs/"$1"/out | tail -n 1 | grep -oE '"[a-z0-9_]+_(p50|p99|max)_(ns|us)": *[0-9.]+' | tr -d '":' | tr -s ' '
+result_metrics() { # LOGS CASE: "METRIC VALUE" a line
+	grep '^{' $out/"$1"/"$2"/out | tail -n 1 | grep -oE '"[a-z0-9_]+_(p50|p99|max)_(ns|us)": *[0-9.]+' | tr -d '"' | sed 's/: */ /'
 }
 
 record() {
@@ -107,7 +126,7 @@ record() {
 		separator=
 		while read -r name _; do
 			grep -q '^pass' $out/logs/"$name"/verdict || continue
-			metrics "$name" | sed "s/\(.*\) \(.*\)/{\"case\": \"$name\", \"metric\": \"\1\", \"recorded\": \2}/"
+			result_metrics logs "$name" | sed "s/\(.*\) \(.*\)/{\"case\": \"$name\", \"metric\": \"\1\", \"recorded\": \2}/"
 		done <$out/selected | while read -r line; do
 			printf '%s\n\t\t%s' "$separator" "$line"
 			separator=,
@@ -127,7 +146,7 @@ gate() {
 	margin=$(sed -n 's/.*"margin_percent": \([0-9]*\).*/\1/p' $here/latency.json 2>/dev/null)
 	while read -r name _; do
 		grep -q '^pass' $out/logs/"$name"/verdict || continue
-		metrics "$name" >$out/metrics
+		result_metrics logs "$name" >$out/metrics
 		[ -s $out/metrics ] || continue
 		gates=$(sed -n "s/.*\"case\": \"$name\", \"metric\": \"\([a-z0-9_]*\)\", \"recorded\": \([0-9.]*\).*/\1 \2/p" $here/latency.json)
 		if [ -z "$gates" ]; then
@@ -141,19 +160,29 @@ gate() {
 }
 
 gate_case() { # GATES: "METRIC RECORDED" a line
-	exact=0
+	exact=0 tries=1 note=
 	[ "$key" != "$recorded_key" ] || exact=1
+	judge "$1"
+	while [ -n "$bad" ] && [ $exact = 1 ] && [ $tries -lt 4 ]; do
+		tries=$((tries + 1)) note="at attempt $tries"
+		once_more "$name" state-"$key" logs-again
+		result_metrics logs-again "$name" >$out/metrics
+		judge "$1"
+	done
+	if [ -z "$bad" ]; then
+		result latency "$name" pass 0 "$note"
+	else
+		result latency "$name" fail 0 "$(echo "$bad" | tr '\n' ' ')"
+	fi
+}
+
+judge() { # GATES: what is wrong with the numbers in $out/metrics goes to "bad"
 	bad=$(echo "$1" | awk -v margin="$margin" -v exact=$exact -v now=$out/metrics '
 		BEGIN { while ((getline line < now) > 0) { split(line, f, " "); value[f[1]] = f[2] } }
 		!exact && $1 !~ /_p50_/ { next }
 		!($1 in value) { print $1 " is not measured any more;"; next }
 		exact && value[$1] != $2 { print $1 " is " value[$1] ", recorded on the same bytes: " $2 ";"; next }
 		value[$1] > $2 * (1 + margin / 100) { print $1 " is " value[$1] ", at most " $2 " + " margin " %;" }')
-	if [ -z "$bad" ]; then
-		result latency "$name" pass 0 ""
-	else
-		result latency "$name" fail 0 "$(echo "$bad" | tr '\n' ' ')"
-	fi
 }
 
 # ---- what a person and a machine read ----
@@ -194,6 +223,7 @@ begun=$(date +%s)
 [ -z "${SAN:-}" ] || export MEMORY="${MEMORY:-512}"
 plain=1 variant=
 case ${1:-build/gcc/} in build/gcc/*) ;; *) plain=0 variant=" (not the plain build)" ;; esac
+[ "${LONG:-0}" != 1 ] || plain=0 variant=" (with LONG=1)"
 prepare "$@"
 select_cases
 [ -s $out/selected ] || nothing "ONLY=\"${ONLY:-}\" names no case of cases.txt"
@@ -202,9 +232,9 @@ snapshots
 booted=$(date +%s)
 run_cases $out/selected state-"$key" logs
 run_cases $out/again state-second logs-second
-rm -f $out/state-second $out/state-second.clock
 collect
 compare
+rm -f $out/state-second $out/state-second.clock
 [ "${RECORD:-0}" != 1 ] || record
 gate
 show

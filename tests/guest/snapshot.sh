@@ -1,5 +1,5 @@
 #!/bin/sh
-# tests/guest/snapshot.sh STATE MEMORY_MIB: boots the guest of build/guest/ and saves it, where it stopped itself, as
+# tests/guest/snapshot.sh STATE MEMORY_MIB SLOT: boots the guest of build/guest/ and saves it, where it stopped itself, as
 # build/guest/STATE; STATE.clock gets its counters of instructions and skipped time: states in which they are equal behave
 # the same to the last byte. Prints the console and exits 1 when the guest does not come up.
 set -u
@@ -11,7 +11,7 @@ rm -rf "$work"
 mkdir "$work"
 mkfifo "$work/monitor"
 head -c 8192 /dev/zero | tr '\0' '\n' >"$work/case"
-(machine "$2" "$work/case" "$work/serial" -qmp stdio <"$work/monitor" >"$work/answers" 2>&1) &
+(machine "$3" "$2" "$work/case" "$work/serial" -qmp stdio <"$work/monitor" >"$work/answers" 2>&1) &
 guest=$!
 trap 'kill $guest 2>/dev/null; exit 1' HUP INT TERM
 exec 3>"$work/monitor"
