@@ -5,11 +5,17 @@
 #include <unistd.h>
 
 #include "bench/cli.h"
-#include "render/bricks/bricks.h"
+#include "hal/clock.h"
+#include "render/bricks/metric.h"
 
 #define DAMAGED_SHOWN 20
 
 static const struct bb_cli_option options[] = {
+	{ "json", NULL, "machine-readable" },
+	{ NULL, NULL, NULL },
+};
+static const struct bb_cli_option info_options[] = {
+	{ "tf", "FILE", "rate all bricks by this transfer function, and say what that takes" },
 	{ "json", NULL, "machine-readable" },
 	{ NULL, NULL, NULL },
 };
@@ -68,7 +74,81 @@ static json_t *level_json(const struct bb_bricks *b, uint32_t l)
 			 "mean_error_of_steps", s.step_error / (double)s.n_steps);
 }
 
-static int info_json(const struct bb_bricks *b)
+/* What an edit of a transfer function costs, from its points to an order of all bricks; and what it leaves to be drawn.
+ */
+struct rating {
+	double table_ms, rate_ms, order_ms, bound_ms; /* bound: reading the statistics once */
+	uint64_t hidden, flat; /* of the leaves of single steps: not to be seen at all; of one colour */
+};
+
+static double ms_since(const struct bb_clock *clk, int64_t *from_ns)
+{
+	const int64_t now_ns = bb_clock_now_ns(clk);
+	const double ms = (double)(now_ns - *from_ns) * 1e-6;
+
+	*from_ns = now_ns;
+	return ms;
+}
+
+static void count_leaves(const struct bb_bricks *b, const struct bb_metric_colours *c, const float *space,
+			 struct rating *out)
+{
+	const struct bb_bricks_header *h = bb_bricks_header(b);
+	const struct bb_tree *t = &h->tree;
+	const double per = h->most > h->least ? 1 / (h->most - h->least) : 0;
+
+	for (uint32_t step = 0; step < t->n_steps; step++)
+		for (uint32_t n = t->first[t->n_levels - 1]; n < t->n_nodes; n++) {
+			const uint64_t id = (uint64_t)bb_tree_leaf_time(t, step) * t->n_nodes + n;
+			const struct bb_bricks_moments *m = &bb_bricks_moments(b)[id];
+			const bool seen = bb_metric_visible(c, ((double)m->least - h->least) * per,
+							    ((double)m->most - h->least) * per);
+			out->hidden += !seen;
+			out->flat += seen && !(space[id] > 0);
+		}
+}
+
+static enum bb_status rate(const struct bb_bricks *b, const char *path, struct rating *out, struct bb_error *err)
+{
+	static struct bb_metric_colours colours;
+	static struct bb_metric_table table;
+	const uint32_t n = (uint32_t)bb_bricks_header(b)->tree.n_bricks;
+	float *space = calloc(n, sizeof(*space)), *time = calloc(n, sizeof(*time));
+	uint32_t *order = calloc(n, sizeof(*order));
+	uint64_t *scratch = calloc(n, sizeof(*scratch));
+	struct bb_transfer tf;
+	struct bb_clock *clk = NULL;
+	enum bb_status status =
+		space && time && order && scratch ? BB_OK : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings");
+
+	if (!status)
+		status = bb_transfer_load(path, &tf, err);
+	if (!status)
+		status = bb_clock_posix_create(&clk);
+	if (!status) {
+		volatile float sum = 0;
+		int64_t from_ns = bb_clock_now_ns(clk);
+		bb_metric_colours(&tf, &colours);
+		bb_metric_table(&colours, &table);
+		out->table_ms = ms_since(clk, &from_ns);
+		bb_metric_rate(b, &table, space, time);
+		out->rate_ms = ms_since(clk, &from_ns);
+		bb_metric_order(space, n, scratch, order);
+		out->order_ms = ms_since(clk, &from_ns);
+		for (uint32_t i = 0; i < n; i++)
+			sum += bb_bricks_moments(b)[i].mean;
+		out->bound_ms = ms_since(clk, &from_ns);
+		count_leaves(b, &colours, space, out);
+	}
+	bb_clock_destroy(clk);
+	free(space);
+	free(time);
+	free(order);
+	free(scratch);
+	return status;
+}
+
+static int info_json(const struct bb_bricks *b, const struct rating *rated)
 {
 	const struct bb_bricks_header *h = bb_bricks_header(b);
 	json_t *root = json_pack("{s:s, s:[iii], s:i, s:i, s:i, s:s, s:s, s:s, s:f, s:f, s:I, s:I}", "name", h->name,
@@ -82,6 +162,12 @@ static int info_json(const struct bb_bricks *b)
 	for (uint32_t l = 0; l < h->tree.n_levels; l++)
 		json_array_append_new(levels, level_json(b, l));
 	json_object_set_new(root, "levels", levels);
+	if (rated)
+		json_object_set_new(root, "edit",
+				    json_pack("{s:f, s:f, s:f, s:f, s:I, s:I}", "table_ms", rated->table_ms, "rate_ms",
+					      rated->rate_ms, "order_ms", rated->order_ms, "read_once_ms",
+					      rated->bound_ms, "hidden_leaves", (json_int_t)rated->hidden,
+					      "flat_leaves", (json_int_t)rated->flat));
 	return print_json(root);
 }
 
@@ -89,12 +175,16 @@ static int info(const struct bb_cli *cli)
 {
 	struct bb_error err = { 0 };
 	struct bb_bricks *b;
-	const enum bb_status status = bb_bricks_open(cli->arg[0], &b, &err);
+	const bool rated = bb_cli_has(cli, "tf");
+	struct rating rating = { 0 };
+	enum bb_status status = bb_bricks_open(cli->arg[0], &b, &err);
 
 	if (status)
 		return bb_cli_fail(status, &err);
-	if (bb_cli_has(cli, "json")) {
-		const int code = info_json(b);
+	if (rated)
+		status = rate(b, bb_cli_get(cli, "tf", ""), &rating, &err);
+	if (status || bb_cli_has(cli, "json")) {
+		const int code = status ? bb_cli_fail(status, &err) : info_json(b, rated ? &rating : NULL);
 		bb_bricks_close(b);
 		return code;
 	}
@@ -117,6 +207,15 @@ static int info(const struct bb_cli *cli)
 		printf("%5u %18s %14s %9llu %10.2f %6.1f%% %16.6g %16.6g\n", l, voxels, grid, (unsigned long long)s.n,
 		       (double)s.packed_bytes / 1048576, 100 * (double)s.flat / (double)s.n,
 		       s.step_error / (double)s.n_steps, s.error / (double)s.n);
+	}
+	if (rated) {
+		const double leaves = (double)(t->n_nodes - t->first[t->n_levels - 1]) * t->n_steps;
+		printf("\nan edit of the transfer function: %.1f ms (table %.1f, %llu bricks rated %.1f, ordered "
+		       "%.1f); reading the "
+		       "statistics once: %.1f\nof the leaves %.1f %% cannot be seen, %.1f %% are of one colour\n",
+		       rating.table_ms + rating.rate_ms + rating.order_ms, rating.table_ms,
+		       (unsigned long long)t->n_bricks, rating.rate_ms, rating.order_ms, rating.bound_ms,
+		       100 * (double)rating.hidden / leaves, 100 * (double)rating.flat / leaves);
 	}
 	bb_bricks_close(b);
 	return BB_EXIT_OK;
@@ -169,7 +268,7 @@ static int verify(const struct bb_cli *cli)
 }
 
 const struct bb_command bb_cmd_volume_info = {
-	"volume info", "what a brick file holds, level by level", "FILE [--json]", options, 1, 1, info,
+	"volume info", "what a brick file holds, level by level", "FILE [--tf FILE] [--json]", info_options, 1, 1, info,
 };
 
 const struct bb_command bb_cmd_volume_verify = {
