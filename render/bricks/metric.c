@@ -171,7 +171,7 @@ static void weights_of(const struct bb_metric_colours *c, float (*w)[MEANS])
 
 void bb_metric_table(const struct bb_metric_colours *c, struct bb_metric_table *out)
 {
-	float w[BB_METRIC_COLOURS][MEANS], bell[2 * BB_METRIC_COLOURS];
+	float w[BB_METRIC_COLOURS][MEANS], bell[BB_METRIC_COLOURS] = { 0 };
 
 	out->colours = c;
 	weights_of(c, w);
