@@ -208,6 +208,7 @@ struct optimum {
 	struct bb_choice *out;
 	const uint32_t *tau; /* [node]: the time node that is best alone */
 	size_t n;
+	bool failed;          /* no memory */
 };
 
 /* Children one after another: joined[c][k] is the best of the first c + 1 with k + 1 bricks. */
@@ -216,12 +217,12 @@ static void solve(struct optimum *o, uint32_t node)
 	double *best = o->best + (size_t)node * o->cap;
 	uint32_t child[8];
 	const uint32_t n = bb_tree_children(o->t, node, child);
-	double *joined = malloc(2 * o->cap * sizeof(double));
-	double *now = joined, *next = joined + o->cap;
+	double *now = calloc(o->cap, sizeof(double)), *next = calloc(o->cap, sizeof(double));
 
+	o->failed |= !now || !next;
 	for (uint32_t k = 0; k < o->cap; k++)
 		best[k] = o->alone[node];
-	for (uint32_t c = 0; c < n && joined; c++) {
+	for (uint32_t c = 0; c < n && !o->failed; c++) {
 		solve(o, child[c]);
 		const double *own = o->best + (size_t)child[c] * o->cap;
 		uint16_t *part = o->part + (size_t)child[c] * o->cap;
@@ -241,9 +242,10 @@ static void solve(struct optimum *o, uint32_t node)
 		now = next;
 		next = keep;
 	}
-	for (uint32_t k = 0; n && joined && k < o->cap; k++)
+	for (uint32_t k = 0; n && !o->failed && k < o->cap; k++)
 		best[k] = fmin(best[k], now[k]);
-	free(joined);
+	free(now);
+	free(next);
 }
 
 static void gather(struct optimum *o, uint32_t node, uint32_t k)
@@ -293,7 +295,8 @@ size_t bb_choose_optimum(const struct bb_tree *t, const float *cost, uint32_t st
 	}
 	if (alone && tau && o.best && o.part) {
 		solve(&o, 0);
-		gather(&o, 0, cap - 1);
+		if (!o.failed)
+			gather(&o, 0, cap - 1);
 	}
 	free(alone);
 	free(tau);
