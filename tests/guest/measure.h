@@ -5,6 +5,7 @@
 #ifndef BB_TESTS_GUEST_MEASURE_H
 #define BB_TESTS_GUEST_MEASURE_H
 
+#include <dirent.h>
 #include <errno.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -34,6 +35,19 @@ static inline void pause_ns(int64_t ns)
 	const struct timespec t = { .tv_sec = ns / 1000000000, .tv_nsec = ns % 1000000000 };
 
 	nanosleep(&t, NULL);
+}
+
+/* How many files this process has open. */
+static inline long descriptors(void)
+{
+	DIR *d = opendir("/proc/self/fd");
+	long n = 0;
+
+	while (d && readdir(d))
+		n++;
+	if (d)
+		closedir(d);
+	return n;
 }
 
 static inline int compare_ns(const void *a, const void *b)

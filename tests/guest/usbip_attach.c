@@ -6,8 +6,6 @@
  */
 #include "tests/fixture_room.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <linux/i2c-dev.h>
 #include <linux/i2c.h>
 #include <signal.h>
@@ -17,6 +15,7 @@
 
 #include "sim/peer_camera.h"
 #include "sim/peer_i2c_tiny_usb.h"
+#include "tests/guest/measure.h"
 #include "tests/guest/usb_vhci.h"
 
 #define EEPROM 0x50
@@ -79,6 +78,7 @@ static bool obey(struct simulator *s, char what)
 static int simulate(struct simulator *s, int orders)
 {
 	const struct peer_camera_options options = { .serial = "GUEST1" };
+	const long open_files = descriptors();
 	char what = 0;
 
 	fixture_room_init(&s->rig.fix);
@@ -102,7 +102,7 @@ static int simulate(struct simulator *s, int orders)
 	peer_i2c_tiny_usb_destroy(s->i2c);
 	bb_camera_close(model);
 	rig_done(&s->rig);
-	return 0;
+	return descriptors() == open_files ? 0 : 1;
 }
 
 static bool order(int orders, char what)
