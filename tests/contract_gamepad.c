@@ -535,11 +535,11 @@ static void test_bad_opens(void **state)
 /* One script on every rung: what a user of the pad sees change. ------------------------------------------------- */
 
 /* One thing at a time, since a SpaceNavigator tells moves and turns apart. Pulled out from 2.7 s to 3.1 s; then it has time
- * to be found again, and moves from neutral. */
+ * to be found again, its stick deflected already, which moves nothing before it was neutral once (row H1). */
 static const char rung_script[] = "1.2 axis 1 0.5 0\n1.3 axis 1 -1 0\n1.4 axis 1 0 0\n1.5 axis 2 0.3 0\n1.6 axis 2 0 0\n"
 				  "1.7 button 1 down\n1.8 button 1 up\n1.9 button 2 down\n2 button 2 up\n"
 				  "2.1 axis 5 1 0\n2.2 axis 5 0 0\n2.3 axis 3 -0.7 0\n2.4 axis 3 0 0\n"
-				  "4.8 axis 1 0.8 0.4\n5.3 axis 1 0 0\n";
+				  "2.9 axis 2 -0.5 0\n4.6 axis 2 0 0\n4.8 axis 1 0.8 0.4\n5.3 axis 1 0 0\n";
 #define UNPLUG_NS (2700 * RIG_MS)
 #define OUT_NS (400 * RIG_MS)
 #define SCRIPT_NS (5500 * RIG_MS)
