@@ -6,9 +6,9 @@
  *   pads usb [CYCLES]    each as a USB device behind vhci (usbhid, hid-logitech with its motors), likewise; and an Xbox
  *                        receiver by libusb, then by the kernel's own xpad and libevdev. Wants udevd.
  *
- * CYCLES of unplug and replug, 3 unless told. One JSON line on stdout: PAD_BY_p50_ns and so on are from a packet's
- * readiness at the pad to its report in the caller's hands, who looks every 100 us. Exit 0 all right, 1 something failed,
- * 77 neither uhid nor vhci here.
+ * CYCLES of unplug and replug, 3 unless told. One JSON line on stdout. PAD_BY_p50_ns and so on are from a packet's
+ * readiness at the pad to the stamp the kernel or libusb's thread gives it; user_us_p50 and so on to the report in the
+ * caller's hands, who looks every 100 us. Exit 0 all right, 1 something failed, 77 neither uhid nor vhci here.
  */
 #include <math.h>
 #include <stdio.h>
@@ -71,7 +71,7 @@ struct reader {
 	long reports, wrong_axes, wrong_order;
 	enum bb_status status;
 	struct bb_pad_report last;
-	int64_t latency_ns[SAMPLES_MAX];
+	int64_t user_ns[SAMPLES_MAX], stamp_ns[SAMPLES_MAX];
 	size_t n_latency;
 	bool rumbles;
 	const char *failure;
@@ -105,13 +105,15 @@ static void compare(struct bench *b, struct reader *r)
 }
 
 /* From the newest packet: they are 8 ms apart or more, and no way is as long as that. */
-static void note_latency(struct bench *b, struct reader *r)
+static void note_latency(struct bench *b, struct reader *r, int64_t at_ns)
 {
 	pad_wire_lock(&b->wire);
-	const int64_t ns = bb_clock_stopwatch_ns() - b->wire.said_ns;
+	const int64_t said_ns = bb_clock_from_monotonic_ns(b->clk, b->wire.said_ns);
 	pad_wire_unlock(&b->wire);
-	if (r->n_latency < SAMPLES_MAX)
-		r->latency_ns[r->n_latency++] = ns;
+	if (r->n_latency == SAMPLES_MAX)
+		return;
+	r->user_ns[r->n_latency] = now(b) - said_ns;
+	r->stamp_ns[r->n_latency++] = at_ns - said_ns;
 }
 
 static void drain(struct bench *b, struct reader *r)
@@ -123,7 +125,7 @@ static void drain(struct bench *b, struct reader *r)
 		return;
 	while ((r->status = bb_gamepad_read(r->g, reports, BB_ARRAY_LEN(reports), &n)) == BB_OK) {
 		if (b->measures)
-			note_latency(b, r);
+			note_latency(b, r, reports[n - 1].at_ns);
 		for (size_t i = 0; i < n; i++) {
 			r->wrong_order += r->reports && reports[i].at_ns <= r->last.at_ns;
 			r->last = reports[i];
@@ -290,8 +292,11 @@ static void print_latency_of(const struct kind *k, struct reader *r)
 	snprintf(name, sizeof(name), "%s_%s", k->name, by_names[r->by]);
 	for (char *c = name; *c; c++)
 		*c = *c == '-' ? '_' : *c;
-	if (r->n_latency)
-		print_latency(name, r->latency_ns, r->n_latency);
+	if (!r->n_latency)
+		return;
+	print_seen("user", r->user_ns, r->n_latency);
+	if (r->by != BY_HID) /* hidraw has no stamps: the driver's is that of the look */
+		print_latency(name, r->stamp_ns, r->n_latency);
 }
 
 /* One row a reader. */

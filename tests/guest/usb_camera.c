@@ -4,13 +4,15 @@
  * endpoint so that a clear and then a reset is needed, then pulls the plug REPLUGS times and puts the camera back on
  * another port. Prints one JSON line. Exit 0 fine, 1 not, 77 no vhci.
  *
- * packet_to_frame is from a packet's readiness at the camera to the frame in the caller's hands: both processes share one
- * monotonic clock, and the model (fidelity 0) stamps mid-exposures with it, in whole microseconds; both look every
- * 100 us, which is part of it.
+ * Two latencies, in one JSON line. packet_to_frame is from a packet's bytes leaving the simulated camera to the driver's
+ * stamp of its arrival. ready_to_user begins when the model has the frame ready and ends with the frame in the caller's
+ * hands: it holds what the simulator needs to draw it, and the looks of both, every 100 us. The processes share one
+ * monotonic clock, and the model (fidelity 0) stamps mid-exposures with it.
  */
 #include "tests/fixture_room.h"
 
 #include <signal.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 
@@ -29,14 +31,40 @@
 
 /* The simulator: does what it is told by a byte on a pipe, and answers with one. */
 
+static int64_t *sent_ns; /* shared: when the newest packet left the camera */
+
 struct simulator {
 	struct rig rig;
+	struct sim_usb_ops ops;
+	const struct sim_usb_ops *camera_ops;
 	struct usbip_server *server;
 	struct peer_camera *peer;
 	struct bb_camera *model;
 	size_t item;
 	unsigned port;
 };
+
+static struct simulator *simulated;
+
+static int stamped_in(struct sim_usb_device *dev, uint8_t endpoint, uint8_t *bytes, size_t cap)
+{
+	const int n = simulated->camera_ops->in(dev, endpoint, bytes, cap);
+
+	if (n > 0)
+		*sent_ns = bb_clock_now_ns(simulated->rig.clk);
+	return n;
+}
+
+static void stamp_packets(struct simulator *s)
+{
+	struct sim_usb_device *dev = peer_camera_usb(s->peer);
+
+	simulated = s;
+	s->camera_ops = dev->ops;
+	s->ops = *dev->ops;
+	s->ops.in = stamped_in;
+	dev->ops = &s->ops;
+}
 
 static bool obey(struct simulator *s, char what)
 {
@@ -69,6 +97,7 @@ static int simulate(struct simulator *s, int orders)
 	    usbip_server_create(s->rig.clk, &s->server) != BB_OK ||
 	    usbip_server_export(s->server, peer_camera_usb(s->peer), &s->item) != BB_OK)
 		return 1;
+	stamp_packets(s);
 	while (what != MSG_END) {
 		rig_run(&s->rig, LOOK_NS);
 		usbip_server_step(s->server, 0);
@@ -94,7 +123,7 @@ struct run {
 	int64_t stall_ns, reset_ns;
 	long fd_leaked;
 	int64_t detect_most_ns, replug_most_ns, open_ns, longest_read_ns;
-	int64_t latency_ns[FRAMES_MOST];
+	int64_t ready_ns[FRAMES_MOST], packet_ns[FRAMES_MOST];
 };
 
 static int64_t now(const struct run *r)
@@ -145,7 +174,8 @@ static bool measure(struct run *r, uint64_t frames)
 	while (r->n < frames && now(r) < end_ns) {
 		const enum bb_status status = look(r);
 		if (status == BB_OK) {
-			r->latency_ns[r->n++] = now(r) - (r->frame.mid_exposure.ns + least_ns);
+			r->packet_ns[r->n] = r->frame.arrived_ns - *sent_ns;
+			r->ready_ns[r->n++] = now(r) - (r->frame.mid_exposure.ns + least_ns);
 			r->wrong += r->frame.n == 0;
 		} else if (status != BB_TIMEOUT)
 			return false;
@@ -220,7 +250,8 @@ static void print_result(struct run *r, uint64_t lost)
 	       (double)r->reset_ns * 1e-6, (unsigned long long)r->unplugs, (unsigned long long)r->replugs,
 	       (unsigned long long)r->quarantines, (double)r->detect_most_ns * 1e-6,
 	       (double)r->replug_most_ns * 1e-6, (unsigned long long)r->wrong, r->fd_leaked);
-	print_latency("packet_to_frame", r->latency_ns, r->n);
+	print_latency("packet_to_frame", r->packet_ns, r->n);
+	print_seen("ready_to_user", r->ready_ns, r->n);
 	printf("}\n");
 }
 
@@ -270,6 +301,9 @@ int main(int argc, char **argv)
 	}
 	if (frames < 1 || frames > FRAMES_MOST || socketpair(AF_UNIX, SOCK_STREAM, 0, orders) ||
 	    bb_clock_posix_create(&run.clk) != BB_OK)
+		return 1;
+	sent_ns = mmap(NULL, sizeof(*sent_ns), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+	if (sent_ns == MAP_FAILED)
 		return 1;
 	const pid_t child = fork();
 	if (child == 0) {
