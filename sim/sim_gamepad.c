@@ -19,13 +19,13 @@ struct model {
 	double steps;          /* from neutral to the end of an analogue axis */
 	size_t analogue;       /* axes from there on are a hat: -1, 0, 1 */
 	uint32_t buttons;      /* mask */
-	bool has_rumble;
+	bool has_rumble, tells_battery;
 };
 
 static const struct model models[] = {
-	[BB_PAD_RUMBLEPAD2] = { 127, 4, 0xFFF, true },     /* 8 bits an axis */
-	[BB_PAD_SPACEMOUSE] = { 350, 6, 0x3, false },      /* +-350 counts */
-	[BB_PAD_XBOX360] = { 32767, 4, 0x7FFF, true },
+	[BB_PAD_RUMBLEPAD2] = { 127, 4, 0xFFF, true, false }, /* 8 bits an axis */
+	[BB_PAD_SPACEMOUSE] = { 350, 6, 0x3, false, true },   /* +-350 counts */
+	[BB_PAD_XBOX360] = { 32767, 4, 0x7FF, true, true },
 };
 
 struct pad_values { /* what a report says, in the device's own counts */
@@ -110,7 +110,8 @@ static void report(struct sim_gamepad *sg, const struct pad_values *v, int64_t a
 		sg->head = (sg->head + 1) % QUEUE;
 	else
 		sg->n++;
-	*r = (struct bb_pad_report){ .at_ns = at_ns, .seq = sg->seq++, .buttons = v->buttons, .battery = v->battery };
+	*r = (struct bb_pad_report){ .at_ns = at_ns, .seq = sg->seq++, .buttons = v->buttons,
+		                      .battery = sg->model->tells_battery ? v->battery : NAN };
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
 		r->axis[i] = (float)(v->count[i] / (i < sg->model->analogue ? sg->model->steps : 1.0));
 	bb_device_event(&sg->base.dev, BB_EV_REPORT, at_ns, r->seq, r->buttons);
@@ -214,7 +215,8 @@ static enum bb_status sim_open(struct bb_gamepad *g, const struct bb_open *open)
 	sim_rng_seed(&sg->rng, open->seed, "gamepad", g->config.id);
 	sg->battery = (float)(0.6 + 0.35 * sim_rng_uniform(&sg->rng));
 	g->limits = (struct bb_gamepad_limits){ .most_report_gap_ns = MOST_GAP_NS, .axis_step = 1 / sg->model->steps,
-		                                .has_rumble = sg->model->has_rumble, .has_battery = true };
+		                                .has_rumble = sg->model->has_rumble,
+		                                .has_battery = sg->model->tells_battery };
 	enum bb_status status = sim_options_read(&g->dev, open->uri, no_options, sg);
 	if (status == BB_OK)
 		status = load_script(sg, open);

@@ -47,10 +47,10 @@ warned() { # ROOM CODE WORDS FAULT
 }
 mkdir "$work/profiles" "$work/scenes" && cp rooms/profiles/*.yaml "$work/profiles" && cp -r scenes/pads "$work/scenes"
 sed 's/^budgets:/budgets:\n  pad_battery: {min_percent: 15}\n  pad_stuck: {max_s: 8}/' rooms/cabin.yaml >"$work/strict.yaml"
-low="at 1s gamepad/pad battery level=0.05" stuck="at 0.5s gamepad/mouse stick_axis axis=3 value=0.4"
-check "a low battery is a warning" warned rooms/cabin.yaml 0 "gamepad/pad WARNING PAD_BATTERY low: 5 %" "$low"
+low="at 1s gamepad/mouse battery level=0.05" stuck="at 0.5s gamepad/mouse stick_axis axis=3 value=0.4"
+check "a low battery is a warning" warned rooms/cabin.yaml 0 "gamepad/mouse WARNING PAD_BATTERY low: 5 %" "$low"
 check "a stuck axis is a warning" warned rooms/cabin.yaml 0 "gamepad/mouse WARNING PAD_DRIFT axis 3" "$stuck"
-check "a low battery beyond the room's budget fails" warned "$work/strict.yaml" 1 "gamepad/pad WARNING PAD_BATTERY" "$low"
+check "a low battery beyond the room's budget fails" warned "$work/strict.yaml" 1 "gamepad/mouse WARNING PAD_BATTERY" "$low"
 check "so does a stuck axis" warned "$work/strict.yaml" 1 "gamepad/mouse WARNING PAD_DRIFT" "$stuck"
 check "a shutter stage 900 us off phase" fails_with shutter/chain "at 1s shutter/chain stage_offset stage=left us=900"
 

@@ -551,6 +551,7 @@ struct rung {
 	int tenth[BB_PAD_AXES];
 	uint32_t buttons;
 	struct bb_pad_report last;
+	struct bb_gamepad_limits limits;
 	long reports;
 };
 
@@ -624,7 +625,7 @@ static void play_rung(struct rung *r, const char *path)
 {
 	struct bench t = begin_with(r->backend, 7, path);
 
-	r->last.at_ns = 0;
+	r->limits = *bb_gamepad_limits(t.c.g);
 	if (!t.kernel)
 		t.c.look_ns = RIG_MS;
 	watch(r, &t, UNPLUG_NS);
@@ -655,6 +656,7 @@ static int rungs_of(enum bb_pad_model model, const char *path)
 	static const char *const names[] = { "rumblepad2", "spacemouse", "xbox360" };
 	struct rung *rung = calloc(BB_ARRAY_LEN(backends) + BB_ARRAY_LEN(kernel_backends), sizeof(*rung));
 	const struct fid_log *logs[BB_ARRAY_LEN(backends) + BB_ARRAY_LEN(kernel_backends)];
+	bool tells_battery = false;
 	size_t n = 0;
 
 	assert_non_null(rung);
@@ -668,7 +670,11 @@ static int rungs_of(enum bb_pad_model model, const char *path)
 		rung[i].log.rung = rung[i].backend->name;
 		play_rung(&rung[i], path);
 		logs[i] = &rung[i].log;
+		tells_battery |= i && rung[i].limits.has_battery;
 	}
+	/* A simulated pad can what some driver can with such a pad, and no more. */
+	assert_int_equal(rung[0].limits.has_battery, tells_battery);
+	assert_int_equal(rung[0].limits.has_rumble, rung[1].limits.has_rumble);
 	const int differ = fid_table(names[model], logs, n);
 	free(rung);
 	return differ;

@@ -23,7 +23,7 @@ struct bench {
 };
 
 /* The left stick forward all the time, unless the script says otherwise. */
-static struct bench *begin(const char *script)
+static struct bench *begin_with(enum bb_pad_model model, const char *script)
 {
 	struct bench *b = calloc(1, sizeof(*b));
 	char path[] = "/tmp/bb-pad-XXXXXX";
@@ -33,7 +33,7 @@ static struct bench *begin(const char *script)
 	assert_int_equal(write(fd, script, strlen(script)), (ssize_t)strlen(script));
 	close(fd);
 	b->rig = rig_create(7, 1);
-	b->config = (struct bb_gamepad_config){ .id = "pad", .model = BB_PAD_RUMBLEPAD2 };
+	b->config = (struct bb_gamepad_config){ .id = "pad", .model = model };
 	snprintf(b->config.script, sizeof(b->config.script), "%s", path);
 	assert_int_equal(bb_gamepad_open(&sim_gamepad_driver, &b->config, &b->rig->open, &b->g), BB_OK);
 	unlink(path);
@@ -47,6 +47,11 @@ static struct bench *begin(const char *script)
 	assert_int_equal(bb_watch_create(1, b->rig->events, RIG_S / 10, &b->loop.watch), BB_OK);
 	b->slot = bb_watch_slot(b->loop.watch, "gamepad", "pad");
 	return b;
+}
+
+static struct bench *begin(const char *script)
+{
+	return begin_with(BB_PAD_RUMBLEPAD2, script);
 }
 
 static void end(struct bench *b)
@@ -185,7 +190,7 @@ static void a_hand_is_not_a_stuck_axis(void **state)
 
 static void a_low_battery_is_told_by_name(void **state)
 {
-	struct bench *b = begin("0 battery 0.5\n0.1 axis 2 -1 0\n2 battery 0.16\n3 battery 0.14\n4 battery 0.05\n");
+	struct bench *b = begin_with(BB_PAD_XBOX360, "0 battery 0.5\n0.1 axis 2 -1 0\n2 battery 0.16\n3 battery 0.14\n4 battery 0.05\n");
 
 	(void)state;
 	frames(b, 175);
