@@ -36,7 +36,7 @@ bodies:
     eyes_mm: [75, -8, 16]
 END
 : >serve.txt
-serve_room serve room.yaml >serve.txt 2>&1 &
+serve_room serve room.yaml --fault "at 16s gamepad/pad unplug" --fault "at 16s camera/c1 unplug" >serve.txt 2>&1 &
 server=$!
 until grep -q serving serve.txt; do sleep 0.05; done
 cat serve.txt
@@ -47,7 +47,7 @@ echo "== attach"
 sed -n 's/.*modprobe vhci-hcd; //p' serve.txt | while read -r line; do
 	$line && echo "attached: $line"
 done
-usbip_attach hold 20 >/dev/null &
+usbip_attach hold 30 >/dev/null &
 
 node_of() { # NAME: its event node, when it has come; of a receiver's four pads only one says that it is there
 	tries=0
@@ -74,7 +74,11 @@ for id in 131d:0157 046d:c219 256f:c62e 045e:0719 1c40:0534; do
 	echo "== lsusb -v $id"
 	lsusb -v -d $id 2>&1
 done
-echo "== end"
+echo "== attached"
 usbip port 2>/dev/null | grep -c 'Port in Use'
+sleep 7 # the faults have come
+echo "== end"
+usbip list -r 127.0.0.1 2>/dev/null | grep '([0-9a-f]*:[0-9a-f]*)'
+lsusb | grep -v 1d6b
 kill $server
 wait $server

@@ -41,7 +41,9 @@ check "1-4 is the receiver" has list '1-4: .*(045e:0719)'
 check "two HID interfaces" [ "$(part list | grep -c ' 0 - .*(03/00/00)')" = 2 ]
 check "eight interfaces of a receiver" [ "$(part list | grep -c ' [0-7] - .*(ff/5d/8[12])')" = 8 ]
 check "the lines that serve prints attach them all" [ "$(part attach | grep -c '^attached: usbip attach -r 127.0.0.1 -b 1-[1-4]$')" = 4 ]
-check "all are attached at the end" has end '^5$'
+check "all are attached, and the adapter" has attached '^5$'
+check "what a fault pulls out is gone for the kernel" lacks end '131d:0157\|046d:c219'
+check "the others stay" [ "$(part end | grep -c 'ID \(256f:c62e\|045e:0719\) blackburst')" = 2 ]
 
 # lsusb: identity, class, endpoints, sizes; it complains of nothing.
 for id in 131d:0157 046d:c219 256f:c62e 045e:0719 1c40:0534; do
