@@ -133,7 +133,7 @@ static void silence_lets_the_motion_run_out(void **state)
 
 static void unplug_lets_the_motion_run_out(void **state)
 {
-	struct bench *b = begin("0.1 axis 2 -1 0\n");
+	struct bench *b = begin("0.1 axis 2 -1 0\n1.5 axis 2 0 0\n");
 
 	(void)state;
 	frames(b, 60);
@@ -141,6 +141,11 @@ static void unplug_lets_the_motion_run_out(void **state)
 	assert_int_equal(rig_fault(b->rig, "gamepad", "pad", "unplug", "", true), BB_OK);
 	comes_down(b, full);
 	assert_non_null(incident(b, "gone:"));
+	/* Back, and the hand has left the stick: nothing moves, and that is in order. */
+	assert_int_equal(rig_fault(b->rig, "gamepad", "pad", "unplug", "", false), BB_OK);
+	for (int i = 0; i < 60; i++)
+		assert_true(frame(b) <= 0);
+	assert_int_equal(bb_watch_health(b->loop.watch, b->slot), BB_HEALTH_OK);
 	end(b);
 }
 

@@ -277,7 +277,8 @@ static int command(const struct bb_cli *cli)
 const struct bb_command bb_cmd_serve = {
 	"serve",
 	"the simulated devices of a room on wires that other programs can open",
-	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] [--json]",
+	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] "
+	"[--json]",
 	options,
 	1,
 	1,

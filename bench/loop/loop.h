@@ -60,8 +60,8 @@ struct bb_frame_loop;
 
 struct bb_pad { /* one gamepad */
 	struct bb_pad_report report;      /* newest */
-	bool seen;
-	int64_t let_go_ns;                /* since when it is silent or gone, its stick deflected; 0: it is not */
+	bool seen, gone;
+	int64_t let_go_ns;                /* since when it is silent or gone; 0: it is not */
 	float held[BB_PAD_AXES];          /* where each axis stands, and since when */
 	int64_t held_ns[BB_PAD_AXES];
 	uint32_t stuck;                   /* bit i: axis i has been told of, */

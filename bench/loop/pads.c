@@ -54,8 +54,8 @@ static int64_t watch_axes(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 			continue;
 		p->stuck |= 1u << a;
 		p->stuck_warning[a] = bb_watch_warn(l->watch, l->gamepad_slot[i], now_ns,
-		                                    "PAD_DRIFT axis %zu stands still at %.2f for %.0f s", a + 1, (double)v,
-		                                    (double)ns * 1e-9);
+		                                    "PAD_DRIFT axis %zu stands still at %.2f for %.0f s", a + 1,
+		                                    (double)v, (double)ns * 1e-9);
 	}
 	/* What a driver has taken off already, or shakes, is not seen in its reports. */
 	if (!p->drift_told && !p->stuck && !strncmp(dev->last_error.detail, "PAD_DRIFT", 9)) {
@@ -72,7 +72,8 @@ static void watch_battery(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 	if (!p->seen || p->battery_told || !(p->report.battery < BATTERY_LOW))
 		return;
 	p->battery_told = true;
-	(void)bb_watch_warn(l->watch, l->gamepad_slot[i], now_ns, "PAD_BATTERY low: %.0f %%", (double)p->report.battery * 100);
+	(void)bb_watch_warn(l->watch, l->gamepad_slot[i], now_ns, "PAD_BATTERY low: %.0f %%",
+	                    (double)p->report.battery * 100);
 }
 
 static void sample(struct bb_frame_loop *l, enum bb_metric metric, double value, int64_t now_ns)
@@ -97,10 +98,12 @@ static double drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 	while ((status = bb_gamepad_read(g, reports, BB_ARRAY_LEN(reports), &n)) == BB_OK) {
 		p->report = reports[n - 1];
 		p->seen = true;
+		p->gone = false;
 	}
+	p->gone |= status < 0; /* and what it said is of before, until it says something again */
 	const int64_t silent_ns = now_ns - p->report.at_ns;
 	const bool deflected = p->seen && most_deflection(&p->report) > DEAD_ZONE;
-	const bool silent = deflected && !l->was_away && silent_ns > SILENCE_NS &&
+	const bool silent = deflected && !p->gone && !l->was_away && silent_ns > SILENCE_NS &&
 	                    silent_ns > bb_gamepad_limits(g)->most_report_gap_ns;
 	if (status < 0)
 		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST, "gone: %s",
@@ -108,8 +111,9 @@ static double drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 	else if (silent)
 		bb_watch_bad(l->watch, l->gamepad_slot[i], now_ns, BB_HEALTH_LOST,
 		             "silent for %.0f ms with its stick deflected (battery, radio?)", (double)silent_ns * 1e-6);
-	if (status >= 0 && !silent) {
+	else
 		bb_watch_good(l->watch, l->gamepad_slot[i], now_ns);
+	if (!p->gone && !silent) {
 		p->let_go_ns = 0;
 		return deflected;
 	}
@@ -147,9 +151,10 @@ void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns)
 	for (size_t i = 0; i < l->room->n_gamepads; i++) {
 		if (!l->rig->gamepads[i])
 			continue;
+		const bool space = l->room->gamepads[i].model == BB_PAD_SPACEMOUSE;
 		const double part = drives(l, i, now_ns);
 		if (part > 0)
-			move(&l->navigation, &l->pads[i].report, l->room->gamepads[i].model == BB_PAD_SPACEMOUSE, part * dt_s);
+			move(&l->navigation, &l->pads[i].report, space, part * dt_s);
 		const int64_t ns = watch_axes(l, i, now_ns);
 		watch_battery(l, i, now_ns);
 		any = true;
