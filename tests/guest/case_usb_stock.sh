@@ -5,15 +5,15 @@
 mkdir -p /var/run
 cd /tmp || exit 1
 cat >pad.txt <<'END'
-8 axis 1 0.5 0
-8.2 axis 1 -1 0
-8.4 axis 1 0 0
-8.6 button 2 down
-8.8 button 2 up
-9 axis 5 1 0
-9.2 axis 5 0 0
-9.4 axis 3 -0.5 0
-9.6 axis 3 0 0
+5 axis 1 0.5 0
+5.2 axis 1 -1 0
+5.4 axis 1 0 0
+5.6 button 2 down
+5.8 button 2 up
+6 axis 5 1 0
+6.2 axis 5 0 0
+6.4 axis 3 -0.5 0
+6.6 axis 3 0 0
 END
 cat >room.yaml <<'END'
 room: guest
@@ -36,7 +36,7 @@ bodies:
     eyes_mm: [75, -8, 16]
 END
 : >serve.txt
-serve_room serve room.yaml --fault "at 16s gamepad/pad unplug" --fault "at 16s camera/c1 unplug" >serve.txt 2>&1 &
+serve_room serve room.yaml --fault "at 9s gamepad/pad unplug" --fault "at 9s camera/c1 unplug" >serve.txt 2>&1 &
 server=$!
 until grep -q serving serve.txt; do sleep 0.05; done
 cat serve.txt
@@ -47,7 +47,7 @@ echo "== attach"
 sed -n 's/.*modprobe vhci-hcd; //p' serve.txt | while read -r line; do
 	$line && echo "attached: $line"
 done
-usbip_attach hold 30 >/dev/null &
+usbip_attach hold 15 >/dev/null &
 
 node_of() { # NAME: its event node, when it has come; of a receiver's four pads only one says that it is there
 	tries=0
@@ -61,7 +61,7 @@ for name in 'Cordless RumblePad 2' 'SpaceMouse Wireless' 'Xbox 360 Wireless Rece
 	node=$(node_of "$name")
 	evtest "/dev/input/$node" >"evtest.$node" 2>&1 &
 done
-sleep 9 # the script ends
+sleep 5 # the script ends
 for file in evtest.*; do
 	echo "== evtest $(cat "/sys/class/input/${file#evtest.}/device/name")"
 	cat "$file"
@@ -76,7 +76,7 @@ for id in 131d:0157 046d:c219 256f:c62e 045e:0719 1c40:0534; do
 done
 echo "== attached"
 usbip port 2>/dev/null | grep -c 'Port in Use'
-sleep 7 # the faults have come
+sleep 3 # the faults have come
 echo "== end"
 usbip list -r 127.0.0.1 2>/dev/null | grep '([0-9a-f]*:[0-9a-f]*)'
 lsusb | grep -v 1d6b
