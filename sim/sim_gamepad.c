@@ -126,6 +126,7 @@ static bool mute(const struct sim_gamepad *sg, const struct pad_values *v)
 /* What a user is told: as the drivers do it, row H1. */
 static struct pad_values held_back(struct sim_gamepad *sg, const struct pad_values *hand)
 {
+	const struct pad_values at_rest = { .battery = hand->battery };
 	bool neutral_now = !hand->buttons;
 
 	for (size_t i = 0; i < BB_PAD_AXES; i++) {
@@ -133,7 +134,7 @@ static struct pad_values held_back(struct sim_gamepad *sg, const struct pad_valu
 		neutral_now &= abs(hand->count[i]) <= (int32_t)(DEAD_ZONE * steps);
 	}
 	sg->held &= !neutral_now;
-	return sg->held ? (struct pad_values){ .battery = hand->battery } : *hand;
+	return sg->held ? at_rest : *hand;
 }
 
 static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
