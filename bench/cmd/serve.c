@@ -23,10 +23,11 @@
 #define FAULTS_WAIT_NS (BB_NS_PER_S / 100)
 
 /* The wires there are, in the order they are printed. */
-static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus };
+static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus, &bb_serve_usbip };
 
 static const struct bb_cli_option options[] = {
 	{ "modbus-port", "N", "port of the first power strip, the next ones follow; 0: any free ones (1502)" },
+	{ "usbip-port", "N", "port of the USB devices, all on one; 0: any free one (3240)" },
 	{ "pty", NULL, "serial devices too: Modbus RTU, a pty each" },
 	{ "bind", "ADDRESS", "listen there instead of 127.0.0.1; not loopback: only with --token-file" },
 	{ "token-file", "FILE", "mode 0600, a line of at least 32 hexadecimal digits that a client must send first" },
@@ -276,7 +277,8 @@ static int command(const struct bb_cli *cli)
 const struct bb_command bb_cmd_serve = {
 	"serve",
 	"the simulated devices of a room on wires that other programs can open",
-	"ROOM [--modbus-port N] [--pty] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] [--json]",
+	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] "
+	"[--json]",
 	options,
 	1,
 	1,
