@@ -62,6 +62,12 @@ $B/%.o: %.c Makefile
 	@echo "  cc $<"
 	@$(CC) $(ALL_CFLAGS) -MMD -MP -c -o $@ $<
 
+# Kernels that are chosen at run time; elsewhere than on x86-64 these files hold the portable one's name only.
+ifeq ($(shell uname -m),x86_64)
+$B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
+$B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
+endif
+
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -Wl,--as-needed -o $@ $^ $(LDLIBS) -lcmocka
@@ -121,8 +127,8 @@ ROOM ?= rooms/standin.yaml
 check-hw: $B/tests/hw_room
 	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
-# What runs threads: the reference caster and the brick reader. (make SAN=thread check-threads)
-THREADED := $B/tests/test_reference $B/tests/test_stream
+# What runs threads: casters, the brick reader, the brick builder. (make SAN=thread check-threads)
+THREADED := $B/tests/test_reference $B/tests/test_stream $B/tests/test_bricks $B/tests/test_cpu
 check-threads: $(THREADED)
 	@tests/run.sh $(THREADED)
 
