@@ -1,7 +1,7 @@
 /*
- * bench/loop/pads.c: gamepad reports into navigation, once a frame. A pad that falls silent or goes with its stick
- * deflected lets the motion run out within 200 ms (row H2); an axis that stands still and a battery that is low are
- * warnings, and samples for whoever sets a budget on them (row H5).
+ * bench/loop/pads.c: gamepad reports into navigation, once a frame. The motion of a pad that goes ends with the frame (row
+ * H1), that of one that falls silent with its stick deflected runs out within 200 ms (row H2); an axis that stands still
+ * and a battery that is low are warnings, and samples for whoever sets a budget on them (row H5).
  */
 #include "bench/loop/loop.h"
 
@@ -120,6 +120,8 @@ static double drives(struct bb_frame_loop *l, size_t i, int64_t now_ns)
 	for (size_t a = 0; a < BB_PAD_AXES; a++)
 		moves(l, p, a, now_ns); /* nobody knows */
 	p->let_go_ns = p->let_go_ns ? p->let_go_ns : now_ns;
+	if (p->gone) /* row H1: neutral within the frame */
+		return 0;
 	return deflected ? fmax(0, 1 - (double)(now_ns - p->let_go_ns) / (double)RAMP_NS) : 0;
 }
 
