@@ -397,8 +397,8 @@ static int64_t on_verify(struct monitor_ddc *d)
 		d->main = ASK_WRITE;
 		return ddc_next_ask(d, ASK_WRITE, d->line.end_ns);
 	}
-	bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_VERIFY, BB_ERR_IO, "acknowledged, but reads back as something else");
-	return ddc_finish(d, BB_ERR_IO, 0);
+	bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_VERIFY, BB_ERR_VERIFY, "acknowledged, but reads back as something else");
+	return ddc_finish(d, BB_ERR_VERIFY, 0);
 }
 
 static int64_t on_written(struct monitor_ddc *d)
@@ -456,8 +456,8 @@ static int64_t edid_done(struct monitor_ddc *d)
 	d->job.at = 0;
 	if (++d->job.reads < EDID_READS)
 		return retry(d, d->line.end_ns);
-	/* As the display gives it: whoever asked judges it; the last good one stands in the report. */
-	return ddc_finish(d, BB_OK, (int64_t)r->edid_bytes);
+	/* As the display gives it; the last good one stands in the report. */
+	return ddc_finish(d, BB_ERR_FORMAT, 0);
 }
 
 static int64_t on_edid(struct monitor_ddc *d)
@@ -478,7 +478,7 @@ static int64_t edid_failed(struct monitor_ddc *d, enum ddc_outcome outcome)
 	if (outcome == DDC_NO_ACK && d->job.at >= EDID_BLOCK_BYTES && d->job.no_acks + 1 >= MOST_NO_ACK) {
 		d->reply.edid_bytes = d->job.at / EDID_BLOCK_BYTES * EDID_BLOCK_BYTES;
 		bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_EDID, BB_ERR_FORMAT, "an extension cannot be read");
-		return ddc_finish(d, BB_OK, (int64_t)d->reply.edid_bytes);
+		return ddc_finish(d, BB_ERR_FORMAT, 0);
 	}
 	return on_failure(d, outcome);
 }

@@ -12,6 +12,8 @@
 #include <errno.h>
 #include <string.h>
 
+#define TRANSFER_NS INT64_C(5000000) /* 41 bytes at 100 kHz are 3.7 ms; what is left is the host's and its adapter's */
+#define MOST_REQUEST_NS INT64_C(6200000000) /* ten tries at doubled waits with a side question each, and their back-off */
 #define CODE_NOBODY_HAS 0x41 /* vertical parallelogram: tubes only */
 
 static struct monitor_ddc *of(struct bb_monitor *m)
@@ -197,6 +199,8 @@ static void start(struct monitor_ddc *d, struct bb_i2c_bus *bus, const struct bb
 	ddc_gap_init(&d->line.gap);
 	d->base.limits = (struct bb_monitor_limits){ .reply_wait_ns = DDCCI_REPLY_WAIT_NS,
 						     .write_wait_ns = DDCCI_WRITE_WAIT_NS,
+						     .transfer_ns = TRANSFER_NS,
+						     .most_request_ns = MOST_REQUEST_NS,
 						     .most_tries = MONITOR_DDC_MOST_TRIES };
 }
 
