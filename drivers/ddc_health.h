@@ -17,6 +17,7 @@
 	X(DDC_FAULT_SLOW, "DDC_SLOW")        /* answers only after longer waits than the standard's */ \
 	X(DDC_FAULT_STANDBY, "DISP_STANDBY") /* EDID answers, DDC does not */                          \
 	X(DDC_FAULT_STUCK, "I2C_STUCK")      /* nothing gets through, whatever the address */          \
+	X(DDC_FAULT_FLAPS, "BUS_FLAPS")      /* the adapter comes and goes */                          \
 	X(DDC_FAULT_VERIFY, "VERIFY_FAIL")   /* written, acknowledged, reads back as something else */ \
 	X(DDC_FAULT_EDID, "EDID_BAD")
 

@@ -176,6 +176,8 @@ int64_t ddc_idle(struct monitor_ddc *d, int64_t at_ns)
 	const struct ddc_health *h = &d->report.health;
 	int64_t wait_ns = PROBE_LEAST_NS;
 
+	if (h->health == BB_HEALTH_QUARANTINED && h->fault == DDC_FAULT_FLAPS)
+		return ddc_next_ask(d, ASK_NOTHING, BB_NEVER);
 	if (h->health == BB_HEALTH_QUARANTINED)
 		return d->probes++ < STUCK_PROBES ? ddc_next_ask(d, ASK_PROBE_BUS, at_ns + STUCK_PROBE_NS)
 						  : ddc_next_ask(d, ASK_NOTHING, BB_NEVER);
@@ -210,11 +212,10 @@ int64_t ddc_finish(struct monitor_ddc *d, enum bb_status status, int64_t value)
 
 /* ---- answers to side questions ---- */
 
-/* Nothing gets through at any address: other buses go on, this one is left alone. */
-static int64_t quarantine(struct monitor_ddc *d)
+int64_t ddc_quarantine(struct monitor_ddc *d, enum ddc_fault fault, const char *what)
 {
-	bad(d, BB_HEALTH_QUARANTINED, DDC_FAULT_STUCK, BB_ERR_IO, "no address can be reached, the wire is held low");
-	return ddc_finish(d, BB_ERR_IO, 0);
+	bad(d, BB_HEALTH_QUARANTINED, fault, BB_ERR_IO, what);
+	return d->stage == STAGE_UNDER_WAY ? ddc_finish(d, BB_ERR_IO, 0) : ddc_idle(d, d->line.end_ns);
 }
 
 static int64_t on_presence(struct monitor_ddc *d, enum ddc_outcome outcome)
@@ -222,7 +223,7 @@ static int64_t on_presence(struct monitor_ddc *d, enum ddc_outcome outcome)
 	const bool wire_bad = outcome == DDC_BROKEN || outcome == DDC_ZEROS;
 
 	if (wire_bad && ++d->job.looks >= STUCK_LOOKS)
-		return quarantine(d);
+		return ddc_quarantine(d, DDC_FAULT_STUCK, "no address can be reached, the wire is held low");
 	if (wire_bad)
 		return ddc_next_ask(d, ASK_PRESENCE, d->line.end_ns + STUCK_LOOK_NS);
 	d->job.looks = 0;

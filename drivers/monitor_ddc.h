@@ -1,5 +1,6 @@
 /*
- * drivers/monitor_ddc.h: a monitor's EDID and DDC/CI controls over an I2C bus ("i2c:/dev/i2c-4"). One state machine a
+ * drivers/monitor_ddc.h: a monitor's EDID and DDC/CI controls over an I2C bus ("i2c:/dev/i2c-4", or
+ * "i2c:?serial=SIM0001234" for the bus on which an EDID has that serial, wherever it is plugged in). One state machine a
  * bus on the clock's timers: requests of a few bytes, and between them the waits of the standard, so that one event
  * loop serves every bus of a node and holds none of them for longer than 3.2 ms. One thread, the clock's; ns.
  *

@@ -26,6 +26,7 @@ struct bb_i2c_bus {
 	const struct bb_i2c_ops *ops;
 	struct bb_clock *clk;
 	int64_t free_ns; /* when the last transfer ends on the wire, where the clock does not run meanwhile; else 0 */
+	uint32_t n_reopened; /* how often the adapter was another than the time before: unplugged and plugged in again */
 };
 
 struct bb_can_frame {

@@ -13,6 +13,7 @@ struct bench {
 	struct rig *rig;
 	struct peer_ddcci *peer;
 	struct bb_monitor *m;
+	struct bb_i2c_bus *bus;
 	const struct monitor_ddc_report *report;
 };
 
@@ -28,11 +29,10 @@ static struct bench begin(void)
 					     .rate = { 60, 1 },
 					     .input = 0x0F };
 	struct bench t = { .rig = rig_create(11, 1) };
-	struct bb_i2c_bus *bus;
 
 	assert_int_equal(peer_ddcci_create(&c, t.rig->world, 11, 0, &t.peer), BB_OK);
-	assert_int_equal(bus_sim_i2c_create(t.rig->clk, t.peer, NULL, &bus), BB_OK);
-	assert_int_equal(monitor_ddc_open_on(bus, &c, &t.rig->open, &t.m), BB_OK);
+	assert_int_equal(bus_sim_i2c_create(t.rig->clk, t.peer, NULL, &t.bus), BB_OK);
+	assert_int_equal(monitor_ddc_open_on(t.bus, &c, &t.rig->open, &t.m), BB_OK);
 	t.report = monitor_ddc_report(t.m);
 	return t;
 }
@@ -372,6 +372,35 @@ static void test_d7(void **state)
 	end(&other);
 }
 
+/* The adapter under it comes and goes: five times a minute is life, six is a fault, and only a hand lifts that. */
+static void test_flaps(void **state)
+{
+	(void)state;
+	struct bench t = begin();
+
+	for (int i = 0; i < 12; i++) {
+		t.bus->n_reopened++;
+		assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_OK);
+		rig_pass(t.rig, 12500 * RIG_MS);
+	}
+	for (int i = 0; i < 4; i++) {
+		t.bus->n_reopened++;
+		(void)ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0);
+	}
+	const struct ddc_health *h = &monitor_ddc_report(t.m)->health;
+	assert_true(h->health == BB_HEALTH_QUARANTINED && h->fault == DDC_FAULT_FLAPS);
+	check_named(&t, "BUS_FLAPS");
+	const uint64_t then = monitor_ddc_report(t.m)->transfers;
+	rig_pass(t.rig, 100 * RIG_S);
+	assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_ERR_IO);
+	assert_int_equal(monitor_ddc_report(t.m)->transfers, then);
+	monitor_ddc_release(t.m);
+	until(&t, BB_HEALTH_OK, DDC_FAULT_NONE, 1000);
+	t.bus->n_reopened++;
+	assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_OK);
+	end(&t);
+}
+
 static void test_d8(void **state)
 {
 	(void)state;
@@ -617,6 +646,7 @@ int main(void)
 		cmocka_unit_test(test_d5),
 		cmocka_unit_test(test_d6),
 		cmocka_unit_test(test_d7),
+		cmocka_unit_test(test_flaps),
 		cmocka_unit_test(test_d8),
 		cmocka_unit_test(test_d9),
 		cmocka_unit_test(test_quirks_histogram),
