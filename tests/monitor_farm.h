@@ -17,7 +17,7 @@
 #include "sim/usb_monitor.h"
 #include "tests/guest/usb_vhci.h"
 
-#define FARM_MOST 4
+#define FARM_MOST 8
 #define FARM_PORTS 8
 #define FARM_WAIT_NS INT64_C(50000000)
 
