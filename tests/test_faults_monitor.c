@@ -5,6 +5,7 @@
 #include "drivers/monitor_ddc.h"
 #include "drivers/vcp_capabilities.h"
 #include "sim/bus_sim_i2c.h"
+#include "tests/monitor_numbers.h"
 #include "tests/sim_rig.h"
 
 #include <stdio.h>
@@ -492,44 +493,19 @@ static void test_health(void **state)
 	assert_int_equal(h.health, BB_HEALTH_OK);
 }
 
-static void test_quirks_histogram(void **state)
+static void test_quirks_numbers(void **state)
 {
 	(void)state;
-	static const struct {
-		const char *name;
-		struct peer_quirks quirks;
-	} displays[] = {
-		{ "clean", { .think_ns = 30 * RIG_MS } },
-		{ "2 % busy", { .think_ns = 30 * RIG_MS, .busy_percent = 2 } },
-		{ "20 % busy", { .think_ns = 30 * RIG_MS, .busy_percent = 20 } },
-		{ "doubled source byte", { .think_ns = 30 * RIG_MS, .doubled_source = true } },
-		{ "Null for unsupported", { .think_ns = 30 * RIG_MS, .null_for_unsupported = true } },
-		{ "zeros for unsupported", { .think_ns = 30 * RIG_MS, .zero_for_unsupported = true } },
-		{ "answers after 60 ms", { .think_ns = 60 * RIG_MS } },
-		{ "all of them, 5 % busy", { true, true, false, true, false, 60 * RIG_MS, 5 } },
-	};
-	static const uint8_t codes[] = { 0x10, 0x12, 0x60, 0x16, 0xD6, 0x59, 0xDF, 0xC0 };
+	static struct numbers v;
 
-	print_message("%-24s %6s  tries 1..10 of 400 gets, one in eight of a code it does not have\n", "display",
-		      "mean");
-	for (size_t k = 0; k < BB_ARRAY_LEN(displays); k++) {
+	numbers_head();
+	for (size_t k = 0; k < BB_ARRAY_LEN(numbers_displays); k++) {
 		struct bench t = begin();
-		char line[120] = "";
-		uint64_t all = 0;
-		*peer_ddcci_quirks(t.peer) = displays[k].quirks;
-		for (int i = 0; i < 400; i++) {
-			const uint8_t code = codes[i % 8];
-			const struct bb_monitor_reply r = ask(&t, BB_MONITOR_GET, code, 0);
-			assert_int_equal(r.status, code == 0x59 ? BB_ERR_UNSUPPORTED : BB_OK);
-		}
-		const struct monitor_ddc_report *report = monitor_ddc_report(t.m);
-		for (uint64_t n = 1; n <= 10; n++) {
-			all += n * report->tries[n];
-			snprintf(line + strlen(line), sizeof(line) - strlen(line), " %llu",
-				 (unsigned long long)report->tries[n]);
-		}
-		print_message("%-24s %6.2f %s\n", displays[k].name, (double)all / 400, line);
-		assert_true((double)all / 400 <= 1.4);
+		*peer_ddcci_quirks(t.peer) = numbers_displays[k].quirks;
+		numbers_measure(&v, t.m, t.rig->clk, RIG_MS / 10, 400);
+		numbers_print(&numbers_displays[k], &v);
+		assert_int_equal(v.wrong, 0);
+		assert_true(v.mean_tries <= numbers_displays[k].most_mean);
 		end(&t);
 	}
 }
@@ -649,7 +625,7 @@ int main(void)
 		cmocka_unit_test(test_flaps),
 		cmocka_unit_test(test_d8),
 		cmocka_unit_test(test_d9),
-		cmocka_unit_test(test_quirks_histogram),
+		cmocka_unit_test(test_quirks_numbers),
 		cmocka_unit_test(test_long_edid),
 		cmocka_unit_test(test_capabilities),
 		cmocka_unit_test(test_bad_opens),
