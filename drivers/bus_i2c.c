@@ -7,6 +7,7 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,8 +19,10 @@
 #include <linux/i2c.h>
 
 #define MOST_MESSAGES 4
+#define MOST_BYTES 64
 #define MOST_BUSES 256
 #define PART 32 /* of an EDID in one transfer */
+#define STACK_BYTES ((size_t)256 << 10)
 
 /* Which of all the nodes that ever had this name. */
 struct node {
@@ -28,17 +31,27 @@ struct node {
 	struct timespec made;
 };
 
+enum job_state { JOB_NONE, JOB_ASKED, JOB_DONE };
+
 struct bus_i2c {
 	struct bb_i2c_bus base;
+	pthread_mutex_t lock; /* for what stands up to "the worker's" */
+	pthread_cond_t asked;
+	bool over; /* the worker frees all of it */
+	struct {
+		enum job_state state;
+		enum bb_status status;
+		uint32_t n_reopened;
+		size_t n;
+		struct bb_i2c_message message[MOST_MESSAGES];
+		uint8_t bytes[MOST_MESSAGES][MOST_BYTES];
+	} job;
+
+	/* the worker's */
 	bool plain, known; /* known: node is the one that was used last */
+	uint32_t n_reopened;
 	struct node node;
 	char path[96], serial[16];
-
-	struct { /* of the bus with that serial */
-		size_t n, i, at; /* buses there are; the one looked at; bytes of its EDID */
-		uint16_t bus[MOST_BUSES];
-		uint8_t edid[EDID_BLOCK_BYTES];
-	} search;
 };
 
 static enum bb_status of_errno(int error)
@@ -151,114 +164,224 @@ static bool is_host_bus(unsigned int number)
 	return read && !strncmp(name, "SMBus", 5);
 }
 
-static void list_buses(struct bus_i2c *b)
+static size_t list_buses(uint16_t bus[MOST_BUSES])
 {
 	DIR *dir = opendir("/dev");
 	struct dirent *entry;
 	unsigned int number;
+	size_t n = 0;
 	char rest;
 
-	b->search.n = b->search.i = b->search.at = 0;
-	while (dir && (entry = readdir(dir)) && b->search.n < MOST_BUSES)
+	while (dir && (entry = readdir(dir)) && n < MOST_BUSES)
 		if (sscanf(entry->d_name, "i2c-%5u%c", &number, &rest) == 1 && number < UINT16_MAX && !is_host_bus(number))
-			b->search.bus[b->search.n++] = (uint16_t)number;
+			bus[n++] = (uint16_t)number;
 	if (dir)
 		closedir(dir);
+	return n;
 }
 
-static bool has_serial(const struct bus_i2c *b)
+static bool has_serial(const struct bus_i2c *b, int fd)
 {
+	uint8_t edid[EDID_BLOCK_BYTES];
 	struct edid_info info;
 	char number[16];
 
-	if (edid_parse(b->search.edid, sizeof(b->search.edid), &info) != BB_OK)
+	for (size_t at = 0; at < sizeof(edid); at += PART) {
+		uint8_t offset = (uint8_t)at;
+		struct bb_i2c_message m[] = { { EDID_ADDRESS, false, 1, &offset }, { EDID_ADDRESS, true, PART, edid + at } };
+		if (transfer_on(b, fd, m, BB_ARRAY_LEN(m)) != BB_OK)
+			return false;
+	}
+	if (edid_parse(edid, sizeof(edid), &info) != BB_OK)
 		return false;
 	snprintf(number, sizeof(number), "%lu", (unsigned long)info.serial);
 	return !strcmp(info.serial_text, b->serial) || (info.serial && !strcmp(number, b->serial));
 }
 
-/* A part of the EDID of one bus; the host does not wait for more than that. BB_ERR_BUSY: go on; BB_OK: found. */
-static enum bb_status look(struct bus_i2c *b)
+static void note_node(struct bus_i2c *b, const struct node *node)
 {
-	uint8_t offset = (uint8_t)b->search.at;
-	struct bb_i2c_message m[] = { { EDID_ADDRESS, false, 1, &offset },
-				      { EDID_ADDRESS, true, PART, b->search.edid + b->search.at } };
+	b->n_reopened += b->node.inode != 0 && !same_node(node, &b->node);
+	b->node = *node;
+	b->known = true;
+}
+
+/* Open, or -1. */
+static int find(struct bus_i2c *b)
+{
+	uint16_t bus[MOST_BUSES];
+	const size_t n = list_buses(bus);
 	struct node node;
 
-	if (b->search.i >= b->search.n)
-		list_buses(b);
-	if (!b->search.n)
-		return BB_ERR_LOST;
-	snprintf(b->path, sizeof(b->path), "/dev/i2c-%u", (unsigned int)b->search.bus[b->search.i]);
-	const int fd = open_node(b->path);
-	const bool there = fd >= 0 && identify(fd, &node) && transfer_on(b, fd, m, BB_ARRAY_LEN(m)) == BB_OK;
-	if (fd >= 0)
-		close(fd);
-	b->search.at += PART;
-	if (there && b->search.at < EDID_BLOCK_BYTES)
-		return BB_ERR_BUSY;
-	b->search.at = 0;
-	if (there && has_serial(b)) {
-		b->base.n_reopened += b->node.inode != 0 && !same_node(&node, &b->node);
-		b->node = node;
-		b->known = true;
-		b->search.n = b->search.i = 0;
-		return BB_OK;
+	for (size_t i = 0; i < n; i++) {
+		snprintf(b->path, sizeof(b->path), "/dev/i2c-%u", (unsigned int)bus[i]);
+		const int fd = open_node(b->path);
+		if (fd >= 0 && identify(fd, &node) && has_serial(b, fd)) {
+			note_node(b, &node);
+			return fd;
+		}
+		if (fd >= 0)
+			close(fd);
 	}
-	return ++b->search.i < b->search.n ? BB_ERR_BUSY : BB_ERR_LOST;
+	errno = ENODEV;
+	return -1;
+}
+
+/* ---- the worker: whatever a driver of the kernel's does with a call, nobody waits for it ---- */
+
+/* The node that was used last, or the next of its name: with a serial that one has to prove itself. */
+static int open_bus(struct bus_i2c *b)
+{
+	struct node node;
+
+	if (b->serial[0] && !b->known)
+		return find(b);
+	const int fd = open_node(b->path);
+	if (fd < 0)
+		return fd;
+	if (identify(fd, &node) && (!b->serial[0] || same_node(&node, &b->node))) {
+		note_node(b, &node);
+		return fd;
+	}
+	close(fd);
+	errno = ENODEV;
+	return -1;
+}
+
+static enum bb_status carry_out(struct bus_i2c *b, struct bb_i2c_message *messages, size_t n)
+{
+	const int fd = open_bus(b);
+	enum bb_status status = BB_ERR_LOST;
+
+	if (fd >= 0) {
+		status = transfer_on(b, fd, messages, n);
+		close(fd);
+	} else if (errno == ENOMEM) {
+		return BB_ERR_NOMEM;
+	}
+	/* Even asleep a display shows its EDID: where none is, it has been moved. */
+	if (status == BB_ERR_LOST && (fd < 0 || messages[0].address == EDID_ADDRESS))
+		b->known = false;
+	return status;
+}
+
+static void *work(void *ctx)
+{
+	struct bus_i2c *b = ctx;
+
+	pthread_mutex_lock(&b->lock);
+	for (;;) {
+		while (b->job.state != JOB_ASKED && !b->over)
+			pthread_cond_wait(&b->asked, &b->lock);
+		if (b->over)
+			break;
+		pthread_mutex_unlock(&b->lock); /* nobody touches a job that is asked for */
+		const enum bb_status status = carry_out(b, b->job.message, b->job.n);
+		pthread_mutex_lock(&b->lock);
+		b->job.status = status;
+		b->job.n_reopened = b->n_reopened;
+		b->job.state = JOB_DONE;
+	}
+	pthread_mutex_unlock(&b->lock);
+	pthread_cond_destroy(&b->asked);
+	pthread_mutex_destroy(&b->lock);
+	free(b);
+	return NULL;
 }
 
 /* ---- the seam ---- */
 
-/* The node that was used last, or the next of its name: with a serial that one has to prove itself. */
-static enum bb_status open_bus(struct bus_i2c *b, int *fd)
+static bool is_the_job(const struct bus_i2c *b, const struct bb_i2c_message *messages, size_t n)
 {
-	struct node node;
+	bool same = n == b->job.n;
 
-	*fd = open_node(b->path);
-	if (*fd < 0)
-		return errno == ENOMEM ? BB_ERR_NOMEM : errno == EACCES ? BB_ERR_REFUSED : BB_ERR_LOST;
-	const bool same = identify(*fd, &node) && b->known && same_node(&node, &b->node);
-	if (same)
-		return BB_OK;
-	if (b->serial[0])
-		return BB_ERR_LOST;
-	b->base.n_reopened += b->node.inode != 0;
-	b->node = node;
-	b->known = true;
-	return BB_OK;
+	for (size_t i = 0; i < n && same; i++) {
+		const struct bb_i2c_message *m = &messages[i], *of_job = &b->job.message[i];
+		same = m->address == of_job->address && m->read == of_job->read && m->n_bytes == of_job->n_bytes &&
+		       (m->read || !memcmp(m->bytes, of_job->bytes, m->n_bytes));
+	}
+	return same;
+}
+
+static void ask_worker(struct bus_i2c *b, const struct bb_i2c_message *messages, size_t n)
+{
+	b->job.n = n;
+	for (size_t i = 0; i < n; i++) {
+		b->job.message[i] = messages[i];
+		b->job.message[i].bytes = b->job.bytes[i];
+		if (!messages[i].read)
+			memcpy(b->job.bytes[i], messages[i].bytes, messages[i].n_bytes);
+	}
+	b->job.state = JOB_ASKED;
+	pthread_cond_signal(&b->asked);
+}
+
+static enum bb_status take_result(struct bus_i2c *b, struct bb_i2c_message *messages, size_t n)
+{
+	for (size_t i = 0; i < n; i++)
+		if (messages[i].read && b->job.status == BB_OK)
+			memcpy(messages[i].bytes, b->job.bytes[i], messages[i].n_bytes);
+	b->base.n_reopened = b->job.n_reopened;
+	b->job.state = JOB_NONE;
+	return b->job.status;
 }
 
 static enum bb_status transfer(struct bb_i2c_bus *bus, struct bb_i2c_message *messages, size_t n)
 {
 	struct bus_i2c *b = bb_container_of(bus, struct bus_i2c, base);
-	enum bb_status status = BB_OK;
-	int fd;
+	enum bb_status status = BB_ERR_BUSY;
 
 	if (!n || n > MOST_MESSAGES)
 		return BB_ERR_USAGE;
-	if (b->serial[0] && !b->known)
-		status = look(b);
-	if (status != BB_OK)
-		return status;
-	status = open_bus(b, &fd);
-	const bool there = status == BB_OK;
-	if (there)
-		status = transfer_on(b, fd, messages, n);
-	/* Even asleep a display shows its EDID: where none is, it has been moved. */
-	if (status == BB_ERR_LOST && (!there || messages[0].address == EDID_ADDRESS))
-		b->known = false;
-	if (fd >= 0)
-		close(fd);
+	for (size_t i = 0; i < n; i++)
+		if (!messages[i].n_bytes || messages[i].n_bytes > MOST_BYTES)
+			return BB_ERR_USAGE;
+	pthread_mutex_lock(&b->lock);
+	if (b->job.state == JOB_DONE && is_the_job(b, messages, n))
+		status = take_result(b, messages, n);
+	else if (b->job.state != JOB_ASKED) /* the answer to a question nobody asks any more is forgotten */
+		ask_worker(b, messages, n);
+	pthread_mutex_unlock(&b->lock);
 	return status;
 }
 
 static void close_bus(struct bb_i2c_bus *bus)
 {
-	free(bb_container_of(bus, struct bus_i2c, base));
+	struct bus_i2c *b = bb_container_of(bus, struct bus_i2c, base);
+
+	pthread_mutex_lock(&b->lock);
+	b->over = true;
+	pthread_cond_signal(&b->asked);
+	pthread_mutex_unlock(&b->lock);
 }
 
 static const struct bb_i2c_ops ops = { transfer, close_bus };
+
+static enum bb_status start_worker(struct bus_i2c *b)
+{
+	pthread_attr_t attr;
+	pthread_t thread;
+
+	pthread_mutex_init(&b->lock, NULL);
+	pthread_cond_init(&b->asked, NULL);
+	if (pthread_attr_init(&attr))
+		return BB_ERR_NOMEM;
+	pthread_attr_setdetachstate(&attr, PTHREAD_CREATE_DETACHED);
+	pthread_attr_setstacksize(&attr, STACK_BYTES);
+	const int error = pthread_create(&thread, &attr, work, b);
+	pthread_attr_destroy(&attr);
+	return error ? BB_ERR_NOMEM : BB_OK;
+}
+
+static enum bb_status try_path(struct bus_i2c *b)
+{
+	const int fd = open_node(b->path);
+
+	if (fd < 0)
+		return of_errno(errno);
+	b->known = identify(fd, &b->node);
+	close(fd);
+	return BB_OK;
+}
 
 enum bb_status bus_i2c_open(const struct bus_i2c_options *options, struct bb_clock *clk, struct bb_i2c_bus **out)
 {
@@ -271,16 +394,14 @@ enum bb_status bus_i2c_open(const struct bus_i2c_options *options, struct bb_clo
 	b->plain = options->plain;
 	snprintf(b->path, sizeof(b->path), "%s", options->path);
 	snprintf(b->serial, sizeof(b->serial), "%s", options->serial);
-	const int fd = b->serial[0] ? -1 : open_node(b->path);
-	if (fd < 0 && !b->serial[0]) {
-		const int error = errno;
+	enum bb_status status = b->serial[0] ? BB_OK : try_path(b);
+	const int error = errno;
+	if (status == BB_OK)
+		status = start_worker(b);
+	if (status != BB_OK) {
 		free(b);
 		errno = error;
-		return of_errno(error);
-	}
-	if (fd >= 0) {
-		b->known = identify(fd, &b->node);
-		close(fd);
+		return status;
 	}
 	*out = &b->base;
 	return BB_OK;

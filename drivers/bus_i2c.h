@@ -1,6 +1,7 @@
 /*
- * drivers/bus_i2c.h: hal/bus.h's I2C on Linux i2c-dev. A transfer blocks for as long as it is on the wire (about 3 ms
- * for the longest that monitor_ddc asks for), so the caller keeps transfers short. One thread a bus.
+ * drivers/bus_i2c.h: hal/bus.h's I2C on Linux i2c-dev, on the posix clock. The kernel blocks a caller for as long as a
+ * transfer is on the wire, and for seconds when an adapter does not answer: each bus has a thread for that, and a transfer
+ * is BB_ERR_BUSY until it is over. The caller is one thread; closing does not wait either.
  *
  * Between transfers the node is closed: a kernel waits for the last one to close it before it lets an unplugged adapter
  * go, and holds up every other plug of that USB hub until then.
@@ -17,8 +18,8 @@ struct bus_i2c_options {
 };
 
 /* BB_ERR_LOST: no such device; BB_ERR_REFUSED: no permission; BB_ERR_UNSUPPORTED: not an I2C adapter, or one that only
- * speaks SMBus. errno is left for the caller's message. With a serial always BB_OK: it is looked for by transfers, which
- * are BB_ERR_BUSY meanwhile, BB_ERR_LOST when no bus has it. */
+ * speaks SMBus. errno is left for the caller's message. With a serial BB_OK: transfers look for it, and are BB_ERR_LOST
+ * when no bus has it. A message has at most 64 bytes. */
 BB_MUST_CHECK enum bb_status bus_i2c_open(const struct bus_i2c_options *options, struct bb_clock *clk,
 					  struct bb_i2c_bus **out);
 

@@ -18,7 +18,8 @@ struct bb_i2c_message {
 struct bb_i2c_bus;
 struct bb_i2c_ops {
 	/* All messages with repeated starts. BB_ERR_LOST: address not acknowledged; BB_ERR_IO: bus error; BB_ERR_BUSY:
-	 * another owner has the wire, nothing was sent: try again, at free_ns where that lies ahead. */
+	 * another owner has the wire, or this transfer is under way: ask for the same again, at free_ns where that lies
+	 * ahead. Whoever asks for another meanwhile gives up the first. */
 	enum bb_status (*transfer)(struct bb_i2c_bus *bus, struct bb_i2c_message *messages, size_t n);
 	void (*close)(struct bb_i2c_bus *bus);
 };

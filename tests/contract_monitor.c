@@ -601,6 +601,8 @@ static void play(const struct backend *b, struct fid_log *plain, struct fid_log 
 	const int64_t start_ns = rig_now(t.rig);
 
 	plain->rung = faults->rung = b->name;
+	fid_note(plain, start_ns, 0, "begins");
+	fid_note(faults, start_ns, 0, "begins");
 	for (size_t i = 0; i < BB_ARRAY_LEN(script); i++) {
 		bb_clock_run_until(t.c.clk, start_ns + script[i].at_ms * RIG_MS);
 		act(&t, &script[i], script[i].at_ms < FAULTS_MS ? plain : faults);
