@@ -118,18 +118,15 @@ static enum bb_status transfer_on(const struct bus_i2c *b, int fd, struct bb_i2c
 
 /* ---- the node ---- */
 
-/* An I2C adapter's node, open; -1 with errno. */
-static int open_node(const char *path)
+/* False with errno when it is none, or speaks SMBus only. Some adapters are asked over their wire: once is enough. */
+static bool is_i2c(int fd)
 {
 	unsigned long functions = 0;
-	const int fd = open(path, O_RDWR | O_CLOEXEC);
 
-	if (fd < 0 || (ioctl(fd, I2C_FUNCS, &functions) == 0 && (functions & I2C_FUNC_I2C)))
-		return fd;
-	const int error = functions ? EOPNOTSUPP : errno;
-	close(fd);
-	errno = error;
-	return -1;
+	if (ioctl(fd, I2C_FUNCS, &functions) < 0)
+		return false;
+	errno = EOPNOTSUPP;
+	return (functions & I2C_FUNC_I2C) != 0;
 }
 
 /* By what the file system says: a node that comes back has another inode. */
@@ -214,8 +211,8 @@ static int find(struct bus_i2c *b)
 
 	for (size_t i = 0; i < n; i++) {
 		snprintf(b->path, sizeof(b->path), "/dev/i2c-%u", (unsigned int)bus[i]);
-		const int fd = open_node(b->path);
-		if (fd >= 0 && identify(fd, &node) && has_serial(b, fd)) {
+		const int fd = open(b->path, O_RDWR | O_CLOEXEC);
+		if (fd >= 0 && is_i2c(fd) && identify(fd, &node) && has_serial(b, fd)) {
 			note_node(b, &node);
 			return fd;
 		}
@@ -235,10 +232,11 @@ static int open_bus(struct bus_i2c *b)
 
 	if (b->serial[0] && !b->known)
 		return find(b);
-	const int fd = open_node(b->path);
+	const int fd = open(b->path, O_RDWR | O_CLOEXEC);
 	if (fd < 0)
 		return fd;
-	if (identify(fd, &node) && (!b->serial[0] || same_node(&node, &b->node))) {
+	const bool told = identify(fd, &node), same = told && b->known && same_node(&node, &b->node);
+	if (same || (told && !b->serial[0] && is_i2c(fd))) {
 		note_node(b, &node);
 		return fd;
 	}
@@ -374,13 +372,16 @@ static enum bb_status start_worker(struct bus_i2c *b)
 
 static enum bb_status try_path(struct bus_i2c *b)
 {
-	const int fd = open_node(b->path);
+	const int fd = open(b->path, O_RDWR | O_CLOEXEC);
+	enum bb_status status = fd >= 0 && is_i2c(fd) ? BB_OK : of_errno(errno);
+	const int error = errno;
 
-	if (fd < 0)
-		return of_errno(errno);
-	b->known = identify(fd, &b->node);
-	close(fd);
-	return BB_OK;
+	if (fd >= 0) {
+		b->known = identify(fd, &b->node);
+		close(fd);
+	}
+	errno = error;
+	return status;
 }
 
 enum bb_status bus_i2c_open(const struct bus_i2c_options *options, struct bb_clock *clk, struct bb_i2c_bus **out)
