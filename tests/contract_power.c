@@ -30,6 +30,7 @@ struct backend {
 	void (*close)(struct power_bench *t);
 	int fidelity;
 	double scale, early;
+	const char *wire; /* what the driver talks over; NULL: it is the simulated strip */
 };
 
 static void open_sim(const struct backend *b, struct power_bench *t)
@@ -76,10 +77,10 @@ static void close_wire(struct power_bench *t)
 }
 
 static const struct backend backends[] = {
-	{ "sim, fidelity 0", open_sim, close_sim, 0, 1, 179.0 / 180 },
-	{ "sim, fidelity 1", open_sim, close_sim, 1, 1, 179.0 / 180 },
-	{ "driver and peer, Modbus TCP on loopback", open_tcp, close_wire, 1, 1.0 / 600, 0.5 },
-	{ "driver and peer, Modbus RTU on a pty", open_rtu, close_wire, 1, 1.0 / 600, 0.5 },
+	{ "sim, fidelity 0", open_sim, close_sim, 0, 1, 179.0 / 180, NULL },
+	{ "sim, fidelity 1", open_sim, close_sim, 1, 1, 179.0 / 180, NULL },
+	{ "driver and peer, Modbus TCP on loopback", open_tcp, close_wire, 1, 1.0 / 600, 0.5, "TCP" },
+	{ "driver and peer, Modbus RTU on a pty", open_rtu, close_wire, 1, 1.0 / 600, 0.5, "RTU" },
 };
 
 static void for_all(void (*check)(struct power_bench *))
@@ -110,6 +111,35 @@ static void test_times(void **state)
 {
 	(void)state;
 	for_all(power_times_are_kept);
+}
+
+/* The guest's TCP stack and terminals are the kernel-virtual devices of this class: there the wires are its rows. */
+static void test_fidelity(void **state)
+{
+	(void)state;
+	const struct bb_power_config c = config_scaled(1.0 / 600);
+	const char *far = getenv("BB_KERNEL") ? "kernel" : "peer";
+	const struct fid_log *logs[BB_ARRAY_LEN(backends)];
+	static char name[BB_ARRAY_LEN(backends)][32];
+	size_t n = 0;
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(backends); i++) {
+		struct power_bench t = { .config = &c, .early = 0.5 };
+		if (!backends[i].fidelity)
+			continue;
+		struct fid_log *log = calloc(1, sizeof(*log));
+		assert_non_null(log);
+		snprintf(name[n], sizeof(name[n]), backends[i].wire ? "driver + %s, %s" : "sim", far, backends[i].wire);
+		log->rung = name[n];
+		backends[i].open(&backends[i], &t);
+		power_script(&t, log);
+		backends[i].close(&t);
+		logs[n++] = log;
+	}
+	const int apart = fid_table("power", logs, n);
+	for (size_t i = 0; i < n; i++)
+		free((void *)(uintptr_t)logs[i]);
+	assert_int_equal(apart, 0);
 }
 
 /* ---- the simulated one ---- */
@@ -254,6 +284,7 @@ int main(void)
 		cmocka_unit_test(test_switching),
 		cmocka_unit_test(test_bad_calls),
 		cmocka_unit_test(test_times),
+		cmocka_unit_test(test_fidelity),
 		cmocka_unit_test(test_no_ceilings_no_strip),
 		cmocka_unit_test(test_sim_inrush_and_settle),
 		cmocka_unit_test(test_sim_stick),

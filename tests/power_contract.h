@@ -7,6 +7,7 @@
 #define BB_TESTS_POWER_CONTRACT_H
 
 #include "hal/power.h"
+#include "tests/fidelity.h"
 
 #include <setjmp.h>
 #include <stdarg.h>
@@ -102,6 +103,59 @@ static inline void power_times_are_kept(struct power_bench *t)
 	power_pass(t, (int64_t)(t->early * on_s * 1e9));
 	assert_int_equal(bb_power_set(t->p, t->index, false), BB_ERR_REFUSED);
 	assert_non_null(strstr(detail, "least on time"));
+}
+
+/* ---- the script of the class (tests/fidelity.h): on a timetable, since the times the guard wants are the rung's own ---- */
+
+#define POWER_SCRIPT_STEP_NS (1100 * INT64_C(1000000))
+
+/* Looks often until the script's next step is due, and notes what it sees change. */
+static inline void power_script_watch(struct power_bench *t, struct fid_log *log, int64_t until_ns,
+                                      struct bb_outlet_state *last)
+{
+	const int64_t within_ns = bb_power_limits(t->p)->settle_ns;
+	struct bb_outlet_state s;
+
+	for (; bb_clock_now_ns(t->clk) < until_ns; power_pass(t, 2000000))
+		for (size_t i = 0; i < t->config->n_outlets; i++) {
+			if (bb_power_read(t->p, i, &s) != BB_OK || !s.known || (last[i].known && s.closed == last[i].closed))
+				continue;
+			fid_note(log, bb_clock_now_ns(t->clk), within_ns, "outlet %d %s", (int)t->config->outlet[i].outlet,
+			         s.closed ? "closed" : "open");
+			last[i] = s;
+		}
+	for (size_t i = 0; i < t->config->n_outlets; i++) {
+		const double load_a = last[i].closed ? t->config->outlet[i].load_a : 0;
+		if (bb_power_read(t->p, i, &s) != BB_OK)
+			continue;
+		const bool as_it_should = fabs(s.current_a - load_a) <= bb_power_limits(t->p)->current_error_a;
+		fid_note(log, until_ns, within_ns, "outlet %d draws %s", (int)t->config->outlet[i].outlet,
+		         !as_it_should ? "something else" : last[i].closed ? "its load" : "nothing");
+	}
+}
+
+static inline void power_script(struct power_bench *t, struct fid_log *log)
+{
+	static const struct {
+		size_t index;
+		bool on;
+	} steps[] = { { 0, false }, { 0, true }, { 1, false }, { 0, false }, { 1, true }, { 0, true } };
+	struct bb_outlet_state last[BB_OUTLETS_MAX] = { 0 };
+	int64_t due_ns = bb_clock_now_ns(t->clk) + POWER_SCRIPT_STEP_NS;
+
+	fid_note(log, bb_clock_now_ns(t->clk), bb_power_limits(t->p)->settle_ns, "opened");
+	power_script_watch(t, log, due_ns, last);
+	for (size_t i = 0; i < sizeof(steps) / sizeof(steps[0]); i++) {
+		const int number = (int)t->config->outlet[steps[i].index].outlet;
+		const enum bb_status status = bb_power_set(t->p, steps[i].index, steps[i].on);
+		fid_note(log, due_ns, bb_power_limits(t->p)->settle_ns, "set %d %s: %s", number, steps[i].on ? "on" : "off",
+		         bb_status_text(status));
+		/* At once back again is what no strip may do. */
+		const enum bb_status again = bb_power_set(t->p, steps[i].index, !steps[i].on);
+		fid_note(log, due_ns, bb_power_limits(t->p)->settle_ns, "set %d back: %s", number, bb_status_text(again));
+		due_ns += POWER_SCRIPT_STEP_NS;
+		power_script_watch(t, log, due_ns, last);
+	}
 }
 
 #endif

@@ -26,6 +26,7 @@ for program in "$@"; do
 	[ "$code" = 0 ] || [ "$code" = 77 ] || [ "$bad" -gt 0 ] || bad=1
 	passed=$((passed + ok)) failed=$((failed + bad)) skipped=$((skipped + skip))
 	printf '%-42s %4d ok %3d failed %3d skipped  %3d s\n' "$(basename "$program")" "$ok" "$bad" "$skip" "$took"
+	grep -E '^(fault|fidelity) ' "$log" # the tables a person wants to see
 	[ "$bad" = 0 ] || tail -n 60 "$log"
 done
 echo "$passed passed, $failed failed, $skipped skipped"

@@ -195,6 +195,8 @@ show() {
 		fail) [ "$suite" != kernel ] || tail -n 40 $out/logs/"$name"/out ;;
 		esac
 	done <$out/results
+	# How far each class's simulation and peer can stand for the kernel: one table over all cases.
+	cat $out/logs/*/out | grep '^fidelity ' | awk '!seen[$0]++' | tee $out/fidelity.txt
 }
 
 junit() {
