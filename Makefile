@@ -33,6 +33,7 @@ TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contr
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
 REPLAYS := $(FUZZ:%=$B/tests/replay_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
+GUEST   += $B/tests/hw_room
 # Contract suites that a case of the guest names run there, too.
 GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
 OBJ      = $(SRC:%.c=$B/%.o)
@@ -100,7 +101,7 @@ check:
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
 	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room BB_REPLAY=$B/tests tests/run.sh $(TESTS) tests/fuzz/replay.sh $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS) $(REPLAYS) $(GUEST) $B/tests/hw_room
+tests: $(TESTS) $(REPLAYS) $(GUEST)
 
 # Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
@@ -185,4 +186,4 @@ help:
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench fuzz fuzz-programs install uninstall format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d $(GUEST:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

@@ -3,8 +3,8 @@
  * room, or `serve` on loopback as a stand-in. Sims are skipped, and so is every class without a real device, each with
  * the reason. Writes a record of what was found and how it went. Real time.
  *
- * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--standin]
- * Nothing is switched unless it is named. --standin shortens the safety times 600 times, and is refused for a device
+ * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--switch MONITOR]... [--standin]
+ * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600 times, and is refused for a device
  * that is neither on loopback nor on a pty: behind those are no lamps.
  */
 #include "tests/power_contract.h"
@@ -35,6 +35,9 @@ struct hw {
 		char name[96], reason[160], found[160];
 		struct bb_power_config power;
 		void (*check)(struct power_bench *);
+		void (*run)(struct row *row); /* NULL: skipped, for the reason */
+		const void *config;           /* its class's */
+		size_t step;                  /* of its class's checks */
 		const char *result;
 	} row[ROWS_MAX];
 };
@@ -86,16 +89,10 @@ static void outlets_are_known(struct power_bench *t)
 	snprintf(row->found, sizeof(row->found), "%zu of %zu outlets on, %.2f A", on, t->config->n_outlets, total_a);
 }
 
-static void check_power(void **state)
+static void run_power(struct row *row)
 {
-	struct row *row = *state;
 	struct power_bench t = { .clk = row->hw->clk, .config = &row->power, .early = 0.5, .impl = row };
 
-	if (!row->check) {
-		print_message("SKIP: %s: %s\n", row->name, row->reason);
-		row->result = "skip";
-		skip();
-	}
 	for (size_t i = 0; i < row->hw->n_switches; i++) {
 		char name[2 * BB_ID_MAX];
 		for (size_t o = 0; o < row->power.n_outlets; o++) {
@@ -109,7 +106,6 @@ static void check_power(void **state)
 	t.age_ns = bb_power_limits(t.p)->settle_ns;
 	row->check(&t);
 	bb_power_close(t.p);
-	row->result = "pass";
 }
 
 static struct row *add_row(struct hw *hw, const char *class_name, const char *id, const char *device, const char *what)
@@ -149,13 +145,14 @@ static void add_power(struct hw *hw, const struct bb_power_config *config)
 			return;
 		row->power = *config;
 		row->check = checks[i].check;
+		row->run = run_power;
 		if (hw->standin && harmless(config->device)) {
 			row->power.safety.outlet_least_off_s /= 600;
 			row->power.safety.outlet_least_on_s /= 600;
 			row->power.safety.outlet_stagger_ms /= 600;
 		}
 		if (checks[i].switches && !may_switch(hw, config->id)) {
-			row->check = NULL;
+			row->run = NULL;
 			snprintf(row->reason, sizeof(row->reason), "no outlet of it may be switched: SWITCH=%s/N allows one", config->id);
 		}
 	}
@@ -166,6 +163,21 @@ static void add_power(struct hw *hw, const struct bb_power_config *config)
 static bool simulated(const char *device)
 {
 	return !device[0] || !strncmp(device, "sim:", 4);
+}
+
+#include "tests/hw_monitor.h"
+
+static void check_row(void **state)
+{
+	struct row *row = *state;
+
+	if (!row->run) {
+		print_message("SKIP: %s: %s\n", row->name, row->reason);
+		row->result = "skip";
+		skip();
+	}
+	row->run(row);
+	row->result = "pass";
 }
 
 /* A class without a contract for real devices here, or without a real device. */
@@ -200,8 +212,8 @@ static void collect(struct hw *hw)
 	skip_class(hw, "camera", r->n_cameras, n_real);
 	COUNT_REAL(&r->screens[0].display, r->n_screens ? 1 : 0, n_real);
 	skip_class(hw, "display", r->n_screens, n_real);
-	COUNT_REAL(r->monitors, r->n_monitors, n_real);
-	skip_class(hw, "monitor", r->n_monitors, n_real);
+	if (!add_monitors(hw))
+		skip_class(hw, "monitor", r->n_monitors, 0);
 	COUNT_REAL(r->pdus, r->n_pdus, n_real);
 	if (!n_real)
 		skip_class(hw, "power", r->n_pdus, 0);
@@ -298,7 +310,7 @@ int main(int argc, char **argv)
 	} else if (standin_is_one(hw) && bb_clock_posix_create(&hw->clk) == BB_OK) {
 		collect(hw);
 		for (size_t i = 0; i < hw->n_rows; i++)
-			tests[i] = (struct CMUnitTest){ hw->row[i].name, check_power, NULL, NULL, &hw->row[i] };
+			tests[i] = (struct CMUnitTest){ hw->row[i].name, check_row, NULL, NULL, &hw->row[i] };
 		const int failed = _cmocka_run_group_tests("room", tests, hw->n_rows, NULL, NULL);
 		code = write_record(hw);
 		code = code ? code : failed != 0;

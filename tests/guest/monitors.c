@@ -3,11 +3,14 @@
  *   monitors numbers GETS     how long a VCP get takes and how many tries, on a clean display and on each with a quirk
  *   monitors replugs REPLUGS  two displays whose adapters are pulled out and come back as other buses, in the other order,
  *                             while they are asked; found again by the serial in their EDID
+ *   monitors with COMMAND     two displays while COMMAND runs; it is told the bus of one, the EDID's serial of the other
  * Each prints its table and one JSON line; exit 0 fine, 1 not, 77 no vhci.
  */
 #include "drivers/edid.h"
 #include "tests/guest/monitor_stage.h"
 #include "tests/monitor_numbers.h"
+
+#include <sys/wait.h>
 
 /* ---- numbers ---- */
 
@@ -231,6 +234,31 @@ static int replugs(unsigned long rounds)
 	return p.wrong != 0;
 }
 
+/* ---- with ---- */
+
+/* Two displays, one under each's bus, for somebody else's program. */
+static int with(const char *command)
+{
+	static const char *const ids[2] = { "left", "right" };
+	struct stage s = { 0 };
+	char bus[2][64], line[256];
+
+	stage_begin(&s);
+	for (size_t i = 0; i < 2; i++) {
+		stage_add(&s, ids[i], "S27A850D");
+		stage_plug(&s, i, bus[i], sizeof(bus[i]));
+	}
+	struct bb_monitor *m = stage_open_bus(&s, bus[1]);
+	const struct bb_monitor_reply r = stage_ask(&s, m, BB_MONITOR_EDID, 0, 0);
+	struct edid_info e;
+	NEED(edid_parse(r.edid, r.edid_bytes, &e) == BB_OK);
+	bb_monitor_close(m);
+	snprintf(line, sizeof(line), "%.100s %.32s %.16s", command, bus[0], e.serial_text);
+	const int status = system(line);
+	stage_end(&s);
+	return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
+}
+
 int main(int argc, char **argv)
 {
 	const unsigned long n = argc > 2 ? strtoul(argv[2], NULL, 10) : 0;
@@ -239,6 +267,8 @@ int main(int argc, char **argv)
 		return numbers(n);
 	if (argc == 3 && !strcmp(argv[1], "replugs") && n)
 		return replugs(n);
-	fprintf(stderr, "usage: monitors numbers GETS | replugs REPLUGS\n");
+	if (argc == 3 && !strcmp(argv[1], "with"))
+		return with(argv[2]);
+	fprintf(stderr, "usage: monitors numbers GETS | replugs REPLUGS | with COMMAND\n");
 	return 2;
 }
