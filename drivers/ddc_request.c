@@ -93,6 +93,8 @@ static void bad(struct monitor_ddc *d, enum bb_health health, enum ddc_fault fau
 	const struct ddc_health *h = &d->report.health;
 	const bool changed = ddc_health_bad(&d->report.health, health, fault, d->line.end_ns);
 
+	if (!changed && h->fault != fault) /* the words of what stands say more */
+		return;
 	bb_device_fail(&d->base.dev, status, "ddc", "%s %llu: %s (VCP %02X, try %u)", ddc_fault_text(fault),
 		       (unsigned long long)h->count[fault], what, d->line.question.code, d->reply.tries);
 	if (!changed)
@@ -142,6 +144,8 @@ static void note_failure(struct monitor_ddc *d, enum ddc_outcome outcome)
 	switch (outcome) {
 	case DDC_EMPTY:
 		d->report.health.count[DDC_FAULT_NULL]++;
+		if (d->report.health.health == BB_HEALTH_DEGRADED && d->report.health.fault == DDC_FAULT_STANDBY)
+			break;
 		bb_device_fail(&d->base.dev, BB_ERR_BUSY, "ddc", "NULL %u: an empty reply (VCP %02X)",
 			       d->job.empties + 1, d->line.question.code);
 		break;
