@@ -149,11 +149,11 @@ static bool identify(int fd, struct node *out)
 /* ---- the bus with a serial ---- */
 
 /* One of the host's own, with its memory modules on it: nothing to look at. */
-static bool is_host_bus(unsigned int number)
+static bool is_host_bus(unsigned long number)
 {
 	char path[64], name[64] = "";
 
-	snprintf(path, sizeof(path), "/sys/bus/i2c/devices/i2c-%u/name", number);
+	snprintf(path, sizeof(path), "/sys/bus/i2c/devices/i2c-%lu/name", number);
 	FILE *f = fopen(path, "re");
 	const bool read = f && fgets(name, sizeof(name), f);
 	if (f)
@@ -165,13 +165,14 @@ static size_t list_buses(uint16_t bus[MOST_BUSES])
 {
 	DIR *dir = opendir("/dev");
 	struct dirent *entry;
-	unsigned int number;
 	size_t n = 0;
-	char rest;
 
-	while (dir && (entry = readdir(dir)) && n < MOST_BUSES)
-		if (sscanf(entry->d_name, "i2c-%5u%c", &number, &rest) == 1 && number < UINT16_MAX && !is_host_bus(number))
+	while (dir && (entry = readdir(dir)) && n < MOST_BUSES) {
+		char *end = entry->d_name;
+		const unsigned long number = strncmp(end, "i2c-", 4) ? UINT16_MAX : strtoul(end + 4, &end, 10);
+		if (number < UINT16_MAX && !*end && !is_host_bus(number))
 			bus[n++] = (uint16_t)number;
+	}
 	if (dir)
 		closedir(dir);
 	return n;
@@ -179,13 +180,14 @@ static size_t list_buses(uint16_t bus[MOST_BUSES])
 
 static bool has_serial(const struct bus_i2c *b, int fd)
 {
-	uint8_t edid[EDID_BLOCK_BYTES];
+	uint8_t edid[EDID_BLOCK_BYTES] = { 0 };
 	struct edid_info info;
 	char number[16];
 
 	for (size_t at = 0; at < sizeof(edid); at += PART) {
 		uint8_t offset = (uint8_t)at;
-		struct bb_i2c_message m[] = { { EDID_ADDRESS, false, 1, &offset }, { EDID_ADDRESS, true, PART, edid + at } };
+		struct bb_i2c_message m[] = { { EDID_ADDRESS, false, 1, &offset },
+					      { EDID_ADDRESS, true, PART, edid + at } };
 		if (transfer_on(b, fd, m, BB_ARRAY_LEN(m)) != BB_OK)
 			return false;
 	}

@@ -1,7 +1,7 @@
 /*
  * drivers/bus_i2c.h: hal/bus.h's I2C on Linux i2c-dev, on the posix clock. The kernel blocks a caller for as long as a
- * transfer is on the wire, and for seconds when an adapter does not answer: each bus has a thread for that, and a transfer
- * is BB_ERR_BUSY until it is over. The caller is one thread; closing does not wait either.
+ * transfer is on the wire, and for seconds when an adapter does not answer: each bus has a thread for that, and a
+ * transfer is BB_ERR_BUSY until it is over. The caller is one thread; closing does not wait either.
  *
  * Between transfers the node is closed: a kernel waits for the last one to close it before it lets an unplugged adapter
  * go, and holds up every other plug of that USB hub until then.
@@ -13,7 +13,8 @@
 
 struct bus_i2c_options {
 	const char *path;   /* "/dev/i2c-4"; "" with a serial */
-	const char *serial; /* the bus on which an EDID has it (text, or number in decimal), wherever that is plugged in; "" */
+	const char *serial; /* the bus on which an EDID has it (text, or number in decimal), wherever that is plugged
+			       in; "" */
 	bool plain;         /* read() and write() instead of I2C_RDWR, for drivers without it: no repeated starts */
 };
 

@@ -12,9 +12,11 @@
 #include <errno.h>
 #include <string.h>
 
-#define TRANSFER_NS INT64_C(5000000) /* 41 bytes at 100 kHz are 3.7 ms; what is left is the host's and its adapter's */
-#define MOST_REQUEST_NS INT64_C(6200000000) /* ten tries at doubled waits with a side question each, and their back-off */
-#define SERIAL_MOST 13 /* an EDID's text has no more */
+#define TRANSFER_NS INT64_C(5000000) /* 41 bytes at 100 kHz are 3.7 ms; what is left is the host's and its adapter's \
+				      */
+#define MOST_REQUEST_NS \
+	INT64_C(6200000000)  /* ten tries at doubled waits with a side question each, and their back-off */
+#define SERIAL_MOST 13       /* an EDID's text has no more */
 #define CODE_NOBODY_HAS 0x41 /* vertical parallelogram: tubes only */
 
 static struct monitor_ddc *of(struct bb_monitor *m)
@@ -234,8 +236,9 @@ static enum bb_status read_options(struct bb_device *dev, const struct bb_uri *u
 					      "i2c: knows serial=TEXT, io=rdwr and io=plain, not %s=%s", key, value);
 	}
 	if (!out->path[0] == !out->serial[0])
-		return bb_device_fail(dev, BB_ERR_CONFIG, "open",
-				      "an i2c: device names a bus, i2c:/dev/i2c-4, or a monitor, i2c:?serial=SIM0001234");
+		return bb_device_fail(
+			dev, BB_ERR_CONFIG, "open",
+			"an i2c: device names a bus, i2c:/dev/i2c-4, or a monitor, i2c:?serial=SIM0001234");
 	return BB_OK;
 }
 

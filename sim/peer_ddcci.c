@@ -44,7 +44,7 @@ struct peer_ddcci {
 	int64_t since_ns;   /* vcp.lit_ns is as of then */
 	int64_t ready_ns;   /* Null until then: booting or restoring */
 	int64_t quiet_ns;   /* drops messages until then */
-	int64_t hush_ns;      /* the standard's wait after a reply: counted, not enforced */
+	int64_t hush_ns;    /* the standard's wait after a reply: counted, not enforced */
 	int64_t request_ns; /* end of the last request */
 	struct message reply, stale;
 };
@@ -535,7 +535,8 @@ static enum bb_status verb_drift(void *device, const struct sim_fault_args *args
 	return BB_OK;
 }
 
-static enum bb_status quirk(void *device, const struct sim_fault_args *args, size_t offset, bool on, struct bb_error *err)
+static enum bb_status quirk(void *device, const struct sim_fault_args *args, size_t offset, bool on,
+			    struct bb_error *err)
 {
 	const enum bb_status status = sim_args_only(args, "", err);
 
@@ -544,10 +545,11 @@ static enum bb_status quirk(void *device, const struct sim_fault_args *args, siz
 	return status;
 }
 
-#define QUIRK(name)                                                                                                        \
-	static enum bb_status verb_##name(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err) \
-	{                                                                                                                  \
-		return quirk(device, args, offsetof(struct peer_quirks, name), on, err);                                   \
+#define QUIRK(name)                                                                                 \
+	static enum bb_status verb_##name(void *device, const struct sim_fault_args *args, bool on, \
+					  struct bb_error *err)                                     \
+	{                                                                                           \
+		return quirk(device, args, offsetof(struct peer_quirks, name), on, err);            \
 	}
 QUIRK(doubled_source)
 QUIRK(null_for_unsupported)
