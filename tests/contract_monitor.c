@@ -339,6 +339,7 @@ static void test_sim_busy_share(void **state)
 		strcpy(rig->uri.option[0].key, "busy_percent");
 		strcpy(rig->uri.option[0].value, "100");
 		t.rig = rig;
+		t.c.clk = rig->clk;
 		assert_int_equal(bb_monitor_open(&sim_monitor_driver, &c, &rig->open, &t.c.m), BB_OK);
 		assert_int_equal(get(&t, BB_VCP_LUMINANCE).status, fidelity ? BB_ERR_BUSY : BB_OK);
 		end(&t);
