@@ -1,6 +1,7 @@
 /* sim/peer_i2c_tiny_usb.c: see sim/peer_i2c_tiny_usb.h. */
 #include "sim/peer_i2c_tiny_usb.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,7 @@ enum bus_status { IDLE, ACKNOWLEDGED, NOT_ACKNOWLEDGED };
 
 struct peer_i2c_tiny_usb {
 	struct sim_usb_device usb;
+	char serial[BB_ID_MAX];
 	bool plugged, mute;
 	uint32_t nak, stall;
 	uint16_t delay_us;
@@ -175,12 +177,13 @@ enum bb_status peer_i2c_tiny_usb_create(const char *serial, struct peer_i2c_tiny
 	if (!p)
 		return BB_ERR_NOMEM;
 	p->plugged = true;
+	snprintf(p->serial, sizeof(p->serial), "%s", serial);
 	p->usb = (struct sim_usb_device){ .ops = &ops,
 		                          .speed = SIM_USB_LOW,
 		                          .device = device_descriptor,
 		                          .config = config_descriptor,
 		                          .n_config = sizeof(config_descriptor),
-		                          .string = { NULL, "blackburst", "i2c-tiny-usb", serial } };
+		                          .string = { NULL, "blackburst", "i2c-tiny-usb", p->serial } };
 	reset(&p->usb);
 	return BB_OK;
 }

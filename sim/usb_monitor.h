@@ -13,7 +13,7 @@ struct usb_monitor {
 	struct peer_i2c_tiny_usb *adapter;
 };
 
-/* The caller's memory, not to be moved. Registers with the world, unless NULL, as "monitor/ID" and "ddc/ID" (faults).
+/* The caller's memory. Registers with the world, unless NULL, as "monitor/ID" and "ddc/ID" (faults).
  * BB_ERR_CONFIG when the mode fits no EDID. */
 BB_MUST_CHECK enum bb_status usb_monitor_init(struct usb_monitor *u, const struct bb_monitor_config *config,
 					      struct sim_world *world, uint64_t seed, const struct bb_clock *clk);
