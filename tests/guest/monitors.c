@@ -167,6 +167,25 @@ static void round_trip(struct plugs *p, unsigned long round)
 	rig_pass(p->s.rig, BETWEEN_NS);
 }
 
+/* Between two questions the other display takes over the bus: its node has the same name, and it is not the one. */
+static void swap(struct plugs *p)
+{
+	bool has;
+
+	stage_plug(&p->s, 0, p->bus[0], sizeof(p->bus[0]));
+	(void)until(p, 0, true);
+	const uint16_t before = stage_truth(&p->s, 1, BB_VCP_CONTRAST, &has);
+	farm_unplug(p->s.farm, 0);
+	for (char path[64]; farm_bus("left", path, sizeof(path));)
+		rig_pass(p->s.rig, RIG_MS);
+	stage_plug(&p->s, 1, p->bus[1], sizeof(p->bus[1]));
+	expect(p, !strcmp(p->bus[0], p->bus[1]), "not the same name", 0);
+	expect(p, stage_ask(&p->s, p->m[0], BB_MONITOR_SET, BB_VCP_CONTRAST, 3).status == BB_ERR_LOST, "took another for it", 0);
+	expect(p, stage_truth(&p->s, 1, BB_VCP_CONTRAST, &has) == before, "wrote to another", 0);
+	farm_unplug(p->s.farm, 1);
+	rig_pass(p->s.rig, BETWEEN_NS);
+}
+
 /* One round after the other without a pause: left alone, until a hand lifts it. */
 static void flap(struct plugs *p)
 {
@@ -226,6 +245,7 @@ static int replugs(unsigned long rounds)
 	expect(&p, more_kib < 512, "memory leaks", rounds);
 #endif
 	expect(&p, p.moved > 0, "nothing came back as another bus", rounds);
+	swap(&p);
 	flap(&p);
 	for (int i = 0; i < 2; i++)
 		bb_monitor_close(p.m[i]);
