@@ -4,8 +4,8 @@
  * the reason. Writes a record of what was found and how it went. Real time.
  *
  * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--switch MONITOR]... [--standin]
- * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600 times, and is refused for a device
- * that is neither on loopback nor on a pty: behind those are no lamps.
+ * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600
+ * times, and is refused for a device that is neither on loopback nor on a pty: behind those are no lamps.
  */
 #include "tests/power_contract.h"
 
