@@ -120,7 +120,7 @@ static bool play(struct stage *s, struct frames *f, const struct row *r)
 		rig_pass(s->rig, 10 * RIG_MS);
 	rig_pass(s->rig, 150 * RIG_MS); /* whoever asked before keeps its waits, and this one does not know of it */
 	struct bb_monitor *m = stage_open_bus(s, bus);
-	const uint64_t early = peer_ddcci_counts(s->farm->monitor[0].usb.monitor)->too_early;
+	const uint64_t early = stage_counts(s, 0).too_early;
 
 	for (int i = 0; i < 3; i++) /* what stale needs, and rest after the row before */
 		NEED(stage_ask(s, m, BB_MONITOR_GET, i & 1 ? BB_VCP_LUMINANCE : BB_VCP_GREEN_GAIN, 0).status == BB_OK);
@@ -137,7 +137,7 @@ static bool play(struct stage *s, struct frames *f, const struct row *r)
 	const double frame_ms = (double)f->worst_ns * 1e-6;
 	const bool fine = found_ms >= 0 && found_ms <= r->budget_ms && well_ms >= 0 && reply.status == r->status &&
 			  (double)FRAME_NS * 1e-6 > frame_ms &&
-			  peer_ddcci_counts(s->farm->monitor[0].usb.monitor)->too_early == early;
+			  stage_counts(s, 0).too_early == early;
 	fault_row(r->name, r->injected, ddc_fault_text(r->fault), (int64_t)(found_ms * 1e6), (int64_t)(r->budget_ms * 1e6),
 		  (int64_t)(well_ms * 1e6));
 	if (!fine)
@@ -160,7 +160,7 @@ int main(void)
 	NEED(bb_clock_arm(s.rig->clk, &f.timer, rig_now(s.rig)) == BB_OK);
 	for (size_t i = 0; i < BB_ARRAY_LEN(rows); i++)
 		failed += !play(&s, &f, &rows[i]);
-	failed += peer_ddcci_counts(s.farm->monitor[0].usb.monitor)->saves != 0;
+	failed += stage_counts(&s, 0).saves != 0;
 	bb_clock_disarm(s.rig->clk, &f.timer);
 	stage_end(&s);
 	printf("{\"test\":\"monitor_faults\",\"rows\":%zu,\"failed\":%u,\"frames\":%zu", BB_ARRAY_LEN(rows), failed, f.n);

@@ -64,6 +64,14 @@ static inline uint16_t stage_truth(struct stage *s, size_t i, uint8_t code, bool
 	return value;
 }
 
+static inline struct peer_counts stage_counts(struct stage *s, size_t i)
+{
+	farm_lock(s->farm);
+	const struct peer_counts counts = *peer_ddcci_counts(s->farm->monitor[i].usb.monitor);
+	farm_unlock(s->farm);
+	return counts;
+}
+
 static inline struct bb_monitor *stage_open(struct stage *s, const char *uri)
 {
 	const struct bb_monitor_config c = { .id = "ours" };
