@@ -445,6 +445,23 @@ static size_t edid_blocks(const struct monitor_ddc *d)
 	return 1 + (b[126] < EDID_MOST_BLOCKS ? b[126] : EDID_MOST_BLOCKS - 1);
 }
 
+/* Maker, product, serial, date: who it is. What was learned of another display is not true of this one. */
+static void note_identity(struct monitor_ddc *d)
+{
+	const uint8_t *was = d->report.good_edid, *is = d->reply.edid;
+
+	if (!d->report.good_edid_bytes || !memcmp(was + 8, is + 8, 10))
+		return;
+	bb_log(d->log, BB_LOG_WARN, BB_BLAME_DEVICE, d->base.dev.id,
+	       "another display is on this bus: product %02X%02X where %02X%02X was", is[11], is[10], was[11], was[10]);
+	memset(d->answered, 0, sizeof(d->answered));
+	memset(d->refused, 0, sizeof(d->refused));
+	d->known_code = BB_VCP_VERSION;
+	d->report.null_means = DDC_NULL_UNKNOWN;
+	d->line.doubled = false;
+	ddc_gap_init(&d->line.gap);
+}
+
 static int64_t edid_done(struct monitor_ddc *d)
 {
 	struct bb_monitor_reply *r = &d->reply;
@@ -452,6 +469,7 @@ static int64_t edid_done(struct monitor_ddc *d)
 
 	r->edid_bytes = d->job.at;
 	if (block < 0) {
+		note_identity(d);
 		memcpy(d->report.good_edid, r->edid, r->edid_bytes);
 		d->report.good_edid_bytes = r->edid_bytes;
 		cured(d, DDC_FAULT_EDID);

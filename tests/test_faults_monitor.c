@@ -540,6 +540,31 @@ static void test_long_edid(void **state)
 	end(&t);
 }
 
+/* What was learned of one display is forgotten when another is on its bus. */
+static void test_another_display(void **state)
+{
+	(void)state;
+	struct bench t = begin();
+	struct bb_monitor_reply r = ask(&t, BB_MONITOR_EDID, 0, 0);
+	uint8_t edid[256];
+
+	peer_ddcci_quirks(t.peer)->null_for_unsupported = true;
+	peer_ddcci_quirks(t.peer)->doubled_source = true;
+	assert_int_equal(ask(&t, BB_MONITOR_GET, 0x59, 0).status, BB_ERR_UNSUPPORTED);
+	const struct monitor_ddc_report *report = monitor_ddc_report(t.m);
+	assert_true(report->null_means == DDC_NULL_UNSUPPORTED && report->doubled_source);
+	assert_int_equal(ask(&t, BB_MONITOR_EDID, 0, 0).status, BB_OK); /* the same: nothing is forgotten */
+	assert_int_equal(monitor_ddc_report(t.m)->null_means, DDC_NULL_UNSUPPORTED);
+	memcpy(edid, r.edid, sizeof(edid));
+	edid[12]++; /* the serial, and the sum as it was */
+	edid[127]--;
+	assert_int_equal(peer_ddcci_set_edid(t.peer, edid, sizeof(edid)), BB_OK);
+	assert_int_equal(ask(&t, BB_MONITOR_EDID, 0, 0).status, BB_OK);
+	report = monitor_ddc_report(t.m);
+	assert_true(report->null_means == DDC_NULL_UNKNOWN && !report->doubled_source);
+	end(&t);
+}
+
 static void test_capabilities(void **state)
 {
 	(void)state;
@@ -618,6 +643,7 @@ int main(void)
 		cmocka_unit_test(test_d9),
 		cmocka_unit_test(test_quirks_numbers),
 		cmocka_unit_test(test_long_edid),
+		cmocka_unit_test(test_another_display),
 		cmocka_unit_test(test_capabilities),
 		cmocka_unit_test(test_bad_opens),
 		cmocka_unit_test(test_verbs),
