@@ -36,22 +36,25 @@ static const struct row {
 	double budget_ms;
 	enum bb_monitor_request_kind kind;
 	enum bb_status status; /* of the request that meets it */
+	const char *quirk;     /* of the display, meanwhile */
 } rows[] = {
-	{ "D1", "silent", "controller silent", ON_MONITOR, DDC_FAULT_NAK, 50, BB_MONITOR_GET, BB_ERR_LOST },
-	{ "D1", "bus_error", "bus error", ON_WIRE, DDC_FAULT_EIO, 50, BB_MONITOR_GET, BB_ERR_IO },
-	{ "D1", "unplug", "video cable out", ON_MONITOR, DDC_FAULT_NAK, 50, BB_MONITOR_GET, BB_ERR_LOST },
-	{ "D2", "bad_checksum", "wrong checksum", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_ERR_FORMAT },
-	{ "D2", "wrong_opcode", "wrong opcode", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_ERR_FORMAT },
-	{ "D2", "stale", "answer before the last", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_OK },
-	{ "D3", "busy", "Null to everything", ON_MONITOR, DDC_FAULT_NULL, 50, BB_MONITOR_GET, BB_ERR_BUSY },
-	{ "D4", "zero", "zeros", ON_WIRE, DDC_FAULT_ZERO, 50, BB_MONITOR_GET, BB_ERR_IO },
-	{ "D5", "slow", "answers after 65 ms", ON_WIRE, DDC_FAULT_SLOW, 1000, BB_MONITOR_GET, BB_OK },
-	{ "D6", "standby", "asleep", ON_MONITOR, DDC_FAULT_STANDBY, 1000, BB_MONITOR_GET, BB_ERR_BUSY },
-	{ "D7", "stuck", "SDA held low", ON_WIRE, DDC_FAULT_STUCK, 100, BB_MONITOR_GET, BB_ERR_IO },
-	{ "D8", "ignore_write", "write not applied", ON_MONITOR, DDC_FAULT_VERIFY, 500, BB_MONITOR_SET, BB_ERR_VERIFY },
-	{ "D9", "corrupt_edid", "EDID damaged", ON_MONITOR, DDC_FAULT_EDID, 100, BB_MONITOR_EDID, BB_ERR_FORMAT },
-	{ "", "mute", "adapter mute (2 s a try)", ON_ADAPTER, DDC_FAULT_EIO, 2100, BB_MONITOR_GET, BB_ERR_IO },
-	{ "", "pulled", "adapter pulled out", CABLE, DDC_FAULT_NAK, 100, BB_MONITOR_GET, BB_ERR_LOST },
+	{ "D1", "silent", "controller silent", ON_MONITOR, DDC_FAULT_NAK, 50, BB_MONITOR_GET, BB_ERR_LOST, NULL },
+	{ "D1", "bus_error", "bus error", ON_WIRE, DDC_FAULT_EIO, 50, BB_MONITOR_GET, BB_ERR_IO, NULL },
+	{ "D1", "unplug", "video cable out", ON_MONITOR, DDC_FAULT_NAK, 50, BB_MONITOR_GET, BB_ERR_LOST, NULL },
+	{ "D2", "bad_checksum", "wrong checksum", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_ERR_FORMAT, NULL },
+	{ "D2", "wrong_opcode", "wrong opcode", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_ERR_FORMAT, NULL },
+	{ "D2", "stale", "answer before the last", ON_WIRE, DDC_FAULT_DATA, 50, BB_MONITOR_GET, BB_OK, NULL },
+	{ "D3", "busy", "Null to everything", ON_MONITOR, DDC_FAULT_NULL, 50, BB_MONITOR_GET, BB_ERR_BUSY, NULL },
+	{ "D4", "zero", "zeros", ON_WIRE, DDC_FAULT_ZERO, 50, BB_MONITOR_GET, BB_ERR_IO, NULL },
+	{ "D5", "slow", "answers after 65 ms", ON_WIRE, DDC_FAULT_SLOW, 1000, BB_MONITOR_GET, BB_OK, NULL },
+	{ "D6", "standby", "asleep", ON_MONITOR, DDC_FAULT_STANDBY, 1000, BB_MONITOR_GET, BB_ERR_BUSY, NULL },
+	{ "D6", "off", "off, no acknowledge", ON_MONITOR, DDC_FAULT_STANDBY, 1000, BB_MONITOR_GET, BB_ERR_LOST,
+	  "no_ack_asleep" },
+	{ "D7", "stuck", "SDA held low", ON_WIRE, DDC_FAULT_STUCK, 100, BB_MONITOR_GET, BB_ERR_IO, NULL },
+	{ "D8", "ignore_write", "write not applied", ON_MONITOR, DDC_FAULT_VERIFY, 500, BB_MONITOR_SET, BB_ERR_VERIFY, NULL },
+	{ "D9", "corrupt_edid", "EDID damaged", ON_MONITOR, DDC_FAULT_EDID, 100, BB_MONITOR_EDID, BB_ERR_FORMAT, NULL },
+	{ "", "mute", "adapter mute (2 s a try)", ON_ADAPTER, DDC_FAULT_EIO, 2100, BB_MONITOR_GET, BB_ERR_IO, NULL },
+	{ "", "pulled", "adapter pulled out", CABLE, DDC_FAULT_NAK, 100, BB_MONITOR_GET, BB_ERR_LOST, NULL },
 };
 
 static void inject(struct stage *s, const struct row *r, bool on)
@@ -67,6 +70,8 @@ static void inject(struct stage *s, const struct row *r, bool on)
 		peer_i2c_tiny_usb_world_mute(u->adapter, on);
 	else if (r->place != CABLE)
 		NEED(rig_fault(s->rig, r->place == ON_WIRE ? "ddc" : "monitor", "m1", r->verb, "", on) == BB_OK);
+	if (r->quirk)
+		NEED(rig_fault(s->rig, "ddc", "m1", r->quirk, "", on) == BB_OK);
 	farm_unlock(s->farm);
 }
 
