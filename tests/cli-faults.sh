@@ -62,5 +62,5 @@ for bad in "camera/c3 cover" "at 2s camera/c3 fly" "at 2s camera/nobody cover" "
 done
 "$program" run --list-faults >"$work/list"
 check "--list-faults covers every class" sh -c \
-	"for c in shutter camera display monitor power gamepad link node; do grep -q \"^\$c \" '$work/list' || exit 1; done"
+	"for c in shutter camera display monitor power gamepad link node modbus ddc; do grep -q \"^\$c \" '$work/list' || exit 1; done"
 finish

@@ -3,9 +3,9 @@
  * room, or `serve` on loopback as a stand-in. Sims are skipped, and so is every class without a real device, each with
  * the reason. Writes a record of what was found and how it went. Real time.
  *
- * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--standin]
- * Nothing is switched unless it is named. --standin shortens the safety times 600 times, and is refused for a device
- * that is neither on loopback nor on a pty: behind those are no lamps.
+ * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--switch MONITOR]... [--standin]
+ * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600
+ * times, and is refused for a device that is neither on loopback nor on a pty: behind those are no lamps.
  */
 #include "tests/power_contract.h"
 
@@ -167,6 +167,7 @@ static bool simulated(const char *device)
 
 #include "tests/hw_camera.h"
 #include "tests/hw_gamepad.h"
+#include "tests/hw_monitor.h"
 
 static void check_row(void **state)
 {
@@ -213,8 +214,8 @@ static void collect(struct hw *hw)
 		skip_class(hw, "camera", r->n_cameras, 0);
 	COUNT_REAL(&r->screens[0].display, r->n_screens ? 1 : 0, n_real);
 	skip_class(hw, "display", r->n_screens, n_real);
-	COUNT_REAL(r->monitors, r->n_monitors, n_real);
-	skip_class(hw, "monitor", r->n_monitors, n_real);
+	if (!add_monitors(hw))
+		skip_class(hw, "monitor", r->n_monitors, 0);
 	COUNT_REAL(r->pdus, r->n_pdus, n_real);
 	if (!n_real)
 		skip_class(hw, "power", r->n_pdus, 0);
