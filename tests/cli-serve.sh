@@ -95,7 +95,7 @@ n=$(ls -l /proc/$pid/fd | grep -c 'socket:')
 check "its sockets are seen ($n)" [ "$n" -ge 2 ]
 check "only loopback sockets exist" [ -z "$(beyond_loopback)" ]
 check "two strips, each on TCP and on a pty" [ "$(field "$work/serve.json" 'len([e for e in r["endpoints"] if e["wire"][:6] == "modbus"])')" = 4 ]
-check "eight cameras and two pads on one USB/IP port" [ "$(field "$work/serve.json" 'len([e for e in r["endpoints"] if e["wire"] == "usbip"])')" = 10 ]
+check "eight cameras, two pads and six monitors on one USB/IP port" [ "$(field "$work/serve.json" 'len([e for e in r["endpoints"] if e["wire"] == "usbip"])')" = 16 ]
 check "the pty is there" [ -c "$(field "$work/serve.json" '[e["where"] for e in r["endpoints"] if e["wire"] == "modbus-rtu"][0]')" ]
 
 check "a coil is read" client 'assert pdu(connect(), bytes.fromhex("0100000006")) == bytes.fromhex("00070000000401" "01013F")'
@@ -148,7 +148,7 @@ assert pdu(connect(), bytes.fromhex("0100000006"))[9:] == b"\x3f"'
 
 check "USB/IP lists them all" usb_client '
 d = devlist(connect())
-assert len(d) == 10 and d["1-1"] == d["1-8"] == "131d:0157" and d["1-9"] == "046d:c219" and d["1-10"] == "256f:c62e", d'
+assert len(d) == 16 and d["1-1"] == d["1-8"] == "131d:0157" and d["1-9"] == "046d:c219" and d["1-10"] == "256f:c62e" and d["1-16"] == "1c40:0534", d'
 check "a camera is attached, answers, can be had once only, and is free again" usb_client '
 s = connect()
 dev = attach(s, "1-3")
@@ -196,7 +196,7 @@ try:
     assert extra.recv(10) == b""
 except ConnectionResetError:
     pass
-assert len(devlist(all[0])) == 10'
+assert len(devlist(all[0])) == 16'
 sleep 1.2
 check "a thousand random messages: alive, and everything still there" usb_client '
 import random
@@ -212,7 +212,7 @@ for i in range(100):
         pass
     s.close()
 time.sleep(0.2)
-assert len(devlist(connect())) == 10'
+assert len(devlist(connect())) == 16'
 
 if command -v mbpoll >/dev/null 2>&1; then
 	mbpoll -m tcp -a 1 -p "$port" -t 3:hex -r 1 -c 4 -1 127.0.0.1 >"$work/m" 2>&1
@@ -238,12 +238,12 @@ s, t = connect(), connect()
 assert attach(s, "1-3") and attach(t, "1-10")
 assert s.recv(1) == b"" and t.recv(1) == b""
 d = devlist(connect())
-assert len(d) == 8 and "1-3" not in d and "1-10" not in d, d
+assert len(d) == 14 and "1-3" not in d and "1-10" not in d, d
 begin = time.time()
 while "1-3" not in d and time.time() - begin < 4:
     time.sleep(0.1)
     d = devlist(connect())
-assert len(d) == 9 and "1-3" in d, d'
+assert len(d) == 15 and "1-3" in d, d'
 stop
 start --fault "at 0s modbus/pdu1 exception code=6" --fault "at 0s power/pdu2 stick outlet=1"
 sleep 0.1
@@ -289,11 +289,11 @@ s = connect()
 s.sendall(struct.pack(">HHI", 0x0111, 0x8005, 0))
 assert s.recv(300) == b""'
 check "USB/IP with a wrong token: hung up" usb_client 's = connect(); s.sendall(b"0" * 32 + b"\n"); assert s.recv(300) == b""'
-check "USB/IP with the token: served" usb_client 's = connect(); s.sendall(b"'$token'\n"); assert len(devlist(s)) == 10'
+check "USB/IP with the token: served" usb_client 's = connect(); s.sendall(b"'$token'\n"); assert len(devlist(s)) == 16'
 check "token and request in one packet: served" usb_client '
 s = connect()
 s.sendall(b"'$token'\n" + struct.pack(">HHI", 0x0111, 0x8005, 0))
-assert whole(s, 12)[11] == 10'
+assert whole(s, 12)[11] == 16'
 check "with the token: served" client 's = connect(); s.sendall(b"'$token'\n"); assert good(s)'
 stop
 # Beyond loopback, in a network of its own that has no way out.

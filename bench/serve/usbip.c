@@ -1,6 +1,6 @@
 /*
- * bench/serve/usbip.c: the USB devices of a room on one USB/IP port: IR cameras, RumblePads 2, SpaceMice, and receivers
- * of Xbox 360 pads, four to one. A class more is a row of `classes`. Whoever attaches them needs Linux with vhci-hcd.
+ * bench/serve/usbip.c: the USB devices of a room on one USB/IP port: IR cameras, RumblePads 2, SpaceMice, receivers of
+ * Xbox 360 pads, four to one, and monitors, each behind an I2C adapter of its own. A class more is a row of `classes`. Whoever attaches them needs Linux with vhci-hcd.
  */
 #include "bench/serve/serve.h"
 
@@ -13,6 +13,7 @@
 #include "sim/peer_camera.h"
 #include "sim/peer_pads.h"
 #include "sim/sim.h"
+#include "sim/usb_monitor.h"
 #include "sim/usbip_server.h"
 
 #define LOOK_NS (BB_NS_PER_S / 2000) /* how often devices are asked while somebody is there */
@@ -21,13 +22,14 @@
 struct usb {
 	struct usbip_server *server;
 	uint16_t port;
-	size_t n_cameras, n_pads;
+	size_t n_cameras, n_pads, n_monitors;
 	struct served_camera {
 		struct bb_uri uri;
 		struct bb_camera *model;
 		struct peer_camera *peer;
 	} *camera;
 	struct sim_peer_pad **pad;
+	struct usb_monitor *monitor;
 	struct sim_xbox_receiver *receiver;
 	size_t receiver_row; /* of the newest */
 };
@@ -143,8 +145,36 @@ static enum bb_status put_pads(struct bb_serve *s, struct usb *u, struct bb_erro
 	return BB_OK;
 }
 
-static enum bb_status (*const classes[])(struct bb_serve *s, struct usb *u, struct bb_error *err) = { put_cameras,
-	                                                                                              put_pads };
+/* As many as the port holds: a wall has more monitors than USB/IP has places. */
+static enum bb_status put_monitors(struct bb_serve *s, struct usb *u, struct bb_error *err)
+{
+	const size_t room_left = USBIP_EXPORTS - u->n_cameras - u->n_pads;
+	size_t left_out = 0;
+
+	for (size_t i = 0; i < s->room->n_monitors; i++) {
+		const struct bb_monitor_config *config = &s->room->monitors[i];
+		struct usb_monitor *m = &u->monitor[u->n_monitors];
+		if (!bb_serve_simulated(config->device))
+			continue;
+		if (u->n_monitors == room_left) {
+			left_out++;
+			continue;
+		}
+		enum bb_status status = usb_monitor_init(m, config, s->world, SEED, s->clk);
+		if (status != BB_OK)
+			return bb_fail(err, status, 1503, NULL, "monitor/%s", config->id);
+		u->n_monitors++;
+		status = put(s, u, "monitor", config->id, usb_monitor_device(m), err);
+		if (status != BB_OK)
+			return status;
+	}
+	if (left_out)
+		fprintf(stderr, "%zu monitors are not served: one port holds %d USB devices\n", left_out, USBIP_EXPORTS);
+	return BB_OK;
+}
+
+static enum bb_status (*const classes[])(struct bb_serve *s, struct usb *u, struct bb_error *err) = { put_cameras, put_pads,
+	                                                                                              put_monitors };
 
 static void welcome(void *peer, int fd, const uint8_t *bytes, size_t n)
 {
@@ -161,6 +191,9 @@ static bool anything(const struct bb_room *room)
 	for (size_t i = 0; i < room->n_gamepads; i++)
 		if (bb_serve_simulated(room->gamepads[i].device))
 			return true;
+	for (size_t i = 0; i < room->n_monitors; i++)
+		if (bb_serve_simulated(room->monitors[i].device))
+			return true;
 	return false;
 }
 
@@ -169,7 +202,8 @@ static bool set_up(struct bb_serve *s, struct usb *u)
 	u->camera = calloc(s->room->n_cameras + 1, sizeof(*u->camera));
 	u->pad = calloc(s->room->n_gamepads + 1, sizeof(*u->pad));
 	u->receiver = calloc(s->room->n_gamepads + 1, sizeof(*u->receiver));
-	return u->camera && u->pad && u->receiver && usbip_server_create(s->clk, &u->server) == BB_OK;
+	u->monitor = calloc(s->room->n_monitors + 1, sizeof(*u->monitor));
+	return u->camera && u->pad && u->receiver && u->monitor && usbip_server_create(s->clk, &u->server) == BB_OK;
 }
 
 static enum bb_status attach(struct bb_serve *s, void **state, struct bb_error *err)
@@ -197,6 +231,8 @@ static int64_t step(struct bb_serve *s, void *state, int64_t now_ns)
 	(void)s;
 	if (!u)
 		return BB_NEVER;
+	for (size_t i = 0; i < u->n_monitors; i++)
+		(void)usb_monitor_step(&u->monitor[i], now_ns); /* the look below comes before it would want to */
 	usbip_server_step(u->server, 0);
 	return usbip_server_clients(u->server) ? now_ns + LOOK_NS : BB_NEVER;
 }
@@ -215,6 +251,9 @@ static void detach(struct bb_serve *s, void *state)
 	}
 	for (size_t i = 0; i < u->n_pads; i++)
 		sim_peer_pad_destroy(u->pad[i]);
+	for (size_t i = 0; i < u->n_monitors; i++)
+		usb_monitor_fini(&u->monitor[i]);
+	free(u->monitor);
 	free(u->camera);
 	free(u->pad);
 	free(u->receiver);

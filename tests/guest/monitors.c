@@ -65,18 +65,6 @@ struct plugs {
 	int64_t lost_most_ns, back_most_ns;
 };
 
-static long descriptors(void)
-{
-	DIR *dir = opendir("/proc/self/fd");
-	long n = 0;
-
-	while (dir && readdir(dir))
-		n++;
-	if (dir)
-		closedir(dir);
-	return n;
-}
-
 static long resident_kib(void)
 {
 	char line[128];
