@@ -626,7 +626,7 @@ static void every_rung_tells_the_same(void **state)
 	const int differ = fid_table("camera", logs, n);
 	for (size_t i = 1; i < n; i++) {
 		const double px = apart_px(&rungs[0], &rungs[i]);
-		printf("fidelity camera    %-24s blobs at most %.4f px from the sim's, stated %.4f px (sd)\n",
+		printf("fidelity camera         %-44s blobs at most %.4f px from the sim's, stated %.4f px (sd)\n",
 		       logs[i]->rung, px, rungs[i].error_px);
 		assert_true(px <= 5 * rungs[i].error_px);
 	}

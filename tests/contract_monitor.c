@@ -631,7 +631,7 @@ static void test_fidelity(void **state)
 		all[1][n++] = &faults[i];
 	}
 	const int apart = fid_table("monitor", all[0], n);
-	assert_int_equal(apart + fid_table("its faults", all[1], n), 0);
+	assert_int_equal(apart + fid_table("monitor faults", all[1], n), 0);
 }
 
 static void test_sim_warm_up(void **state)
