@@ -1,6 +1,6 @@
 /*
  * render/cpu/cast.h: what the native ray caster prepares for its kernels, one for each instruction set. Kernels are the
- * same text (cast_kernel.h) compiled for portable C, AVX2 and AVX-512 and chosen at run time.
+ * same text (cast_kernel.inc) compiled for portable C, AVX2 and AVX-512 and chosen at run time.
  */
 #ifndef BB_RENDER_CPU_CAST_H
 #define BB_RENDER_CPU_CAST_H

@@ -34,7 +34,7 @@ static inline bool any(vi mask)
 	return !_mm256_testz_si256((__m256i)mask, (__m256i)mask);
 }
 
-#include "render/cpu/cast_kernel.h"
+#include "render/cpu/cast_kernel.inc"
 #else
 #include "render/cpu/cast.h"
 

@@ -32,7 +32,7 @@ static inline bool any(vi mask)
 	return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;
 }
 
-#include "render/cpu/cast_kernel.h"
+#include "render/cpu/cast_kernel.inc"
 #else
 #include "render/cpu/cast.h"
 

@@ -38,4 +38,4 @@ static inline bool any(vi mask)
 	return sum != 0;
 }
 
-#include "render/cpu/cast_kernel.h"
+#include "render/cpu/cast_kernel.inc"
