@@ -30,7 +30,7 @@ LIB_SRC := $(filter-out bench/main.c,$(SRC))
 HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
-REPLAYS := $(FUZZ:%=$B/tests/replay_%)
+REPLAYS := $(FUZZ:%=$B/tests/replay_%) $(patsubst tests/fuzz/deep_%.c,$B/tests/replay_deep_%,$(wildcard tests/fuzz/deep_*.c))
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
 # Contract suites that a case of the guest names run there, too.
 GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
@@ -101,18 +101,30 @@ check:
 
 tests: $(TESTS) $(REPLAYS) $(GUEST) $B/tests/hw_room
 
-# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
+# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`. Whole
+# drivers (deep_NAME.c) are too slow to be fuzzed for long: tests over their corpus only.
+$B/tests/replay_deep_%: $B/tests/fuzz/deep_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
+	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 
+# Of the library only what parsers and simulated devices need; edges are counted in the parsers only.
 FUZZ_S ?= 20
-fuzz:
-	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=fuzzer-no-link,address,undefined CFLAGS='-g1 -DBB_FUZZ' \
-		B=build/fuzz PROGRAM=build/fuzz/blackburst fuzz-programs
-	@tests/fuzz/run.sh $(FUZZ_S)
+FUZZ_SRC := $(filter hal/% drivers/% sim/%,$(SRC))
+PARSERS  := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt))
+fuzz: fuzz-build
+	@tests/fuzz/run.sh $(FUZZ_S) $(ONLY)
+fuzz-build:
+	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=address,undefined OPT=-O2 CFLAGS='-g1 -DBB_FUZZ' B=build/fuzz fuzz-programs
 fuzz-programs: $(FUZZ:%=$B/fuzz_%)
-$B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libblackburst.a
-	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer,address,undefined -o $@ $^ $(LDLIBS)
+ifeq ($B,build/fuzz)
+$(PARSERS:%.c=$B/%.o): ALL_CFLAGS += -fsanitize=fuzzer-no-link
+endif
+$B/libfuzz.a: $(FUZZ_SRC:%.c=$B/%.o)
+	@rm -f $@
+	@$(AR) qcs $@ $^
+$B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libfuzz.a
+	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer -Wl,--as-needed -o $@ $^ $(LDLIBS)
 
 # The contracts against the devices of a room: make check-hw ROOM=my-room.yaml [SWITCH="pdu1/3 pdu2/1"]
 ROOM ?= rooms/standin.yaml
@@ -158,6 +170,6 @@ help:
 	@sed -n '2,7p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-programs format clean help
+        bench fuzz fuzz-build fuzz-programs format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d $(GUEST:=.d)

@@ -3,24 +3,16 @@
  * first byte chooses the framing, the second the piece. Whatever comes, replies fit a frame and the strip stays sane.
  */
 #include "sim/peer_modbus.h"
+#include "tests/fuzz/fuzz.h"
 
-#include <stdlib.h>
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(bool good)
-{
-	if (!good)
-		abort();
-}
 
 static void check_replies(struct sim_wire_line *line, bool rtu)
 {
 	uint8_t out[SIM_WIRE_SAY_MAX];
 
 	for (size_t n; (n = sim_wire_line_next(line, out, sizeof(out))) > 0;) {
-		check(n <= (rtu ? MODBUS_RTU_ADU_MOST : MODBUS_TCP_ADU_MOST));
-		check(rtu ? n >= 5 : n >= 9 && (size_t)(out[4] << 8 | out[5]) + 6 == n);
+		fuzz_must(n <= (rtu ? MODBUS_RTU_ADU_MOST : MODBUS_TCP_ADU_MOST));
+		fuzz_must(rtu ? n >= 5 : n >= 9 && (size_t)(out[4] << 8 | out[5]) + 6 == n);
 	}
 }
 
@@ -43,10 +35,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		const size_t n = size - at < piece ? size - at : piece;
 		const bool goes_on = protocol->take(&peer, &session, line, data + at, n, (int64_t)at * 1000000);
 		check_replies(line, rtu);
-		check(session.n < sizeof(session.bytes));
+		fuzz_must(session.n < sizeof(session.bytes));
 		if (!goes_on)
 			break;
 	}
-	check(peer.n_outlets == 9 && peer.n_writes <= peer.n_requests);
+	fuzz_must(peer.n_outlets == 9 && peer.n_writes <= peer.n_requests);
 	return 0;
 }

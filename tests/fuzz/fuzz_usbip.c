@@ -2,13 +2,9 @@
  * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a
  * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole and the connection bounded.
  */
-#include <stdlib.h>
-#include <string.h>
-
 #include "sim/peer_i2c_tiny_usb.h"
 #include "sim/usbip_conn.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+#include "tests/fuzz/fuzz.h"
 
 static bool target_write(void *ctx, uint8_t address, const uint8_t *bytes, size_t n)
 {
@@ -58,56 +54,53 @@ static void drain(struct usbip_conn *c, bool attached_from_start)
 	size_t n;
 	const uint8_t *out = usbip_conn_out(c, &n);
 
-	if (n > USBIP_OUT_MAX || (attached_from_start && n && n < 48) ||
-	    (attached_from_start && n && (out[3] != 3 && out[3] != 4)))
-		abort();
+	fuzz_must(n <= USBIP_OUT_MAX);
+	if (attached_from_start && n)
+		fuzz_must(n >= 48 && (out[3] == 3 || out[3] == 4));
 	usbip_conn_sent(c, n);
 }
 
-static void talk(struct usbip_conn *c, const uint8_t *data, size_t size, bool attached)
+static void talk(struct usbip_conn *c, struct fuzz_input *in, bool attached)
 {
-	while (size) {
-		size_t n = *data++;
-		size--;
-		if (n > size)
-			n = size;
-		uint8_t *exact = malloc(n ? n : 1);
-		if (!exact)
-			return;
-		memcpy(exact, data, n);
-		const bool alive = n ? usbip_conn_room(c) < n || usbip_conn_feed(c, exact, n) : usbip_conn_step(c);
-		free(exact);
-		if (!alive)
-			return;
+	bool alive = true;
+
+	while (in->left && alive) {
+		const size_t want = fuzz_byte(in);
+		size_t n;
+		const uint8_t *piece = fuzz_piece(in, want, &n);
+		if (!n)
+			alive = usbip_conn_step(c);
+		else if (usbip_conn_room(c) >= n)
+			alive = usbip_conn_feed(c, piece, n);
 		if (!n || usbip_conn_room(c) < 256)
 			drain(c, attached);
-		data += n;
-		size -= n;
 	}
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	static struct usbip_exports exports;
+	static struct peer_i2c_tiny_usb *i2c; /* made once; attaching resets it */
+	static uint8_t sum;
+	struct fuzz_input in = { data, size };
 	struct sim_usb_device bulk = { .ops = &ops, .speed = SIM_USB_HIGH, .device = device, .config = config,
 		                       .n_config = sizeof(config), .string = { NULL, "a", "b", "c" } };
-	struct peer_i2c_tiny_usb *i2c;
 	struct usbip_conn *conn;
-	uint8_t sum = 0;
 
-	if (!size || peer_i2c_tiny_usb_create("S", &i2c) != BB_OK)
-		return 0;
-	peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
-	exports = (struct usbip_exports){ .n = 2,
-		                          .item = { { "1-1", 1, 2, peer_i2c_tiny_usb_device(i2c), false },
-		                                    { "1-2", 1, 3, &bulk, false } } };
-	const bool attached = data[0] & 1;
-	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, data[0] >> 1 & 1, &conn)
+	if (!i2c && peer_i2c_tiny_usb_create("S", &i2c) == BB_OK)
+		peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
+	sum = 0;
+	exports.n = 2;
+	exports.item[0] = (struct usbip_export){ "1-1", 1, 2, peer_i2c_tiny_usb_device(i2c), false };
+	exports.item[1] = (struct usbip_export){ "1-2", 1, 3, &bulk, false };
+	const uint8_t how = fuzz_byte(&in);
+	const bool attached = how & 1;
+	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, how >> 1 & 1, &conn)
 	                                       : usbip_conn_create(&exports, &conn);
-	if (status == BB_OK) {
-		talk(conn, data + 1, size - 1, attached);
-		usbip_conn_destroy(conn);
-	}
-	peer_i2c_tiny_usb_destroy(i2c);
+	if (status != BB_OK)
+		return 0;
+	talk(conn, &in, attached);
+	usbip_conn_destroy(conn);
+	fuzz_must(!exports.item[0].taken && !exports.item[1].taken);
 	return 0;
 }
