@@ -58,10 +58,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	for (size_t at = 1; at + RECORD <= size; at += RECORD) {
 		const uint8_t *d = data + at;
 		struct bb_can_frame f = { .id = (uint32_t)d[0] | (uint32_t)(d[1] & 15) << 8,
-			                  .extended = d[1] & 0x80,
-			                  .remote = d[1] & 0x40,
-			                  .error = d[1] & 0x20,
-			                  .n_bytes = d[2] % 9 };
+					  .extended = d[1] & 0x80,
+					  .remote = d[1] & 0x40,
+					  .error = d[1] & 0x20,
+					  .n_bytes = d[2] % 9 };
 
 		memcpy(f.bytes, d + 4, 8);
 		now_ns += d[3];

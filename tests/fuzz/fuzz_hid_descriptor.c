@@ -16,7 +16,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		const struct bb_hid_field *f = &l.field[i];
 		const struct bb_hid_report *r = bb_hid_layout_report(&l, f->way, f->report_id);
 		fuzz_must(r && (uint64_t)f->bit_offset + (uint64_t)f->bits * f->count <= r->bits &&
-		          bb_hid_report_bytes(r) <= BB_HID_REPORT_BITS_MAX / 8 + 1);
+			  bb_hid_report_bytes(r) <= BB_HID_REPORT_BITS_MAX / 8 + 1);
 	}
 	fuzz_must(!bb_hid_layout_report(&l, BB_HID_FEATURE + 1, 0));
 	return 0;

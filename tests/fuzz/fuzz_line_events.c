@@ -42,7 +42,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 			last_ns = e[i].at_ns;
 			if (bb_edge_lock_event(&lock, &e[i], now_ns, &out))
 				fuzz_must(out.at_ns == e[i].at_ns &&
-				     (out.eye == BB_EYE_NONE || (out.eye == BB_EYE_LEFT) == e[i].level));
+					  (out.eye == BB_EYE_NONE || (out.eye == BB_EYE_LEFT) == e[i].level));
 		}
 		bb_edge_lock_pass(&lock, now_ns);
 		check(&lock, now_ns);

@@ -1,6 +1,6 @@
 /*
- * tests/fuzz/fuzz_modbus_reply.c: a strip's bytes at the driver's seam. Byte 0: framing and function, bytes 1 and 2: how
- * many values were asked for; the rest is the reply. An answer holds exactly what was asked for.
+ * tests/fuzz/fuzz_modbus_reply.c: a strip's bytes at the driver's seam. Byte 0: framing and function, bytes 1 and 2:
+ * how many values were asked for; the rest is the reply. An answer holds exactly what was asked for.
  */
 #include "drivers/modbus_codec.h"
 #include "tests/fuzz/fuzz.h"

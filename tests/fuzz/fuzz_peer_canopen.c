@@ -1,8 +1,8 @@
 /*
  * tests/fuzz/fuzz_peer_canopen.c: any frames into a simulated CANopen node, which `serve` puts on a wire that other
  * programs write to. Byte 0: has it an id already? Then records of 12 bytes: id low, id high and flags, length, 100 us
- * units to wait, 8 data bytes; bit 7 of the second makes it an SDO, NMT, LSS, SYNC or heartbeat frame. deep_peer_canopen.c
- * has whole controllers on a medium.
+ * units to wait, 8 data bytes; bit 7 of the second makes it an SDO, NMT, LSS, SYNC or heartbeat frame.
+ * deep_peer_canopen.c has whole controllers on a medium.
  */
 #include "sim/peer_canopen.h"
 #include "tests/fuzz/fuzz.h"
@@ -38,6 +38,24 @@ static void wrote(struct sim_co_node *n, const struct sim_co_object *o)
 		sim_co_event(n, a->number & 1);
 }
 
+static void changed(struct sim_co_node *n, uint8_t state, int64_t at_ns)
+{
+	(void)at_ns;
+	fuzz_must(state == n->state && (state == CO_PREOP || state == CO_OPERATIONAL || state == CO_STOPPED));
+}
+
+static void beat(struct sim_co_node *n, uint8_t counter, int64_t at_ns)
+{
+	(void)at_ns;
+	fuzz_must(counter == n->counter);
+}
+
+static void reading(struct sim_co_node *n, const struct sim_co_object *o)
+{
+	(void)n;
+	fuzz_must(o->access & SIM_CO_RO);
+}
+
 static void heard(struct sim_can_port *port, const struct bb_can_frame *f, int64_t at_ns)
 {
 	(void)port;
@@ -47,27 +65,37 @@ static void heard(struct sim_can_port *port, const struct bb_can_frame *f, int64
 
 static void set_up(struct sim_co_node *n, struct application *a, uint8_t id)
 {
-	static const struct sim_co_hooks hooks = { .check = check, .wrote = wrote, .fill = fill };
+	static const struct sim_co_hooks hooks = { check, wrote, reading, changed, beat, fill };
 
 	*a = (struct application){ .number = 10, .n_text = 9, .text = "blackburst" };
-	a->object[0] = (struct sim_co_object){ .index = 0x2000, .access = SIM_CO_RW, .width = 1, .least = 10, .most = 20,
-		                               .value = &a->number };
-	a->object[1] = (struct sim_co_object){ .index = 0x2001, .sub = 1, .access = SIM_CO_RW, .width = 2, .most = 0xFFFF,
-		                               .value = &a->word };
-	a->object[2] = (struct sim_co_object){ .index = 0x2002, .access = SIM_CO_RW, .bytes = a->text,
-		                               .cap = sizeof(a->text), .n = &a->n_text };
-	a->object[3] = (struct sim_co_object){ .index = 0x2003, .access = SIM_CO_WO, .width = 2, .most = 0xFFFF,
-		                               .value = &a->word };
-	*n = (struct sim_co_node){ .hooks = &hooks, .ctx = a, .stored_id = id, .identity = { 1, 2, 3, 4 },
-		                   .type = 0x530000, .name = "a controller", .app = a->object, .n_app = OBJECTS };
+	a->object[0] = (struct sim_co_object){
+		.index = 0x2000, .access = SIM_CO_RW, .width = 1, .least = 10, .most = 20, .value = &a->number
+	};
+	a->object[1] = (struct sim_co_object){
+		.index = 0x2001, .sub = 1, .access = SIM_CO_RW, .width = 2, .most = 0xFFFF, .value = &a->word
+	};
+	a->object[2] = (struct sim_co_object){
+		.index = 0x2002, .access = SIM_CO_RW, .bytes = a->text, .cap = sizeof(a->text), .n = &a->n_text
+	};
+	a->object[3] = (struct sim_co_object){
+		.index = 0x2003, .access = SIM_CO_WO, .width = 2, .most = 0xFFFF, .value = &a->word
+	};
+	*n = (struct sim_co_node){ .hooks = &hooks,
+				   .ctx = a,
+				   .stored_id = id,
+				   .identity = { 1, 2, 3, 4 },
+				   .type = 0x530000,
+				   .name = "a controller",
+				   .app = a->object,
+				   .n_app = OBJECTS };
 }
 
 static void feed(struct sim_co_node *n, struct bb_clock *clk, const uint8_t *d)
 {
 	static const uint32_t ids[16] = { 0x605, 0x605, 0x605, 0x605, 0x605, 0x605, 0x000, 0x7e5, 0x080, 0x77f };
 	struct bb_can_frame f = { .id = (uint32_t)d[0] | (uint32_t)(d[1] & 7) << 8,
-		                  .extended = (d[1] & 0xF8) == 0x08,
-		                  .n_bytes = d[2] % 9 };
+				  .extended = (d[1] & 0xF8) == 0x08,
+				  .n_bytes = d[2] % 9 };
 
 	if (d[1] & 0x80) {
 		f.id = ids[d[1] >> 3 & 15];

@@ -1,7 +1,8 @@
 /*
- * tests/fuzz/fuzz_peer_ddcci.c: what a host writes to a simulated monitor's DDC wires, and reads back. Byte 0: quirks.
- * Then a byte a message: bits 0 and 1: to the controller, to the controller with a whole request's envelope around the
- * bytes, to the EDID, to the segment pointer; bit 2: a read; bits 3 to 7: its length; ms of waiting; and what is written.
+ * tests/fuzz/fuzz_peer_ddcci.c: what a host writes to a simulated monitor's DDC wires, and reads back. Byte 0: quirks,
+ * byte 1: 1 + a fault. Then a byte a message: bits 0 and 1: to the controller, to the controller with a whole request's
+ * envelope around the bytes, to the EDID, to the segment pointer; bit 2: a read; bits 3 to 7: its length; ms of
+ * waiting; and what is written.
  */
 #include "drivers/ddcci_wire.h"
 #include "sim/peer_ddcci.h"
@@ -43,13 +44,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		return 0;
 	const uint8_t quirks = fuzz_byte(&in);
 	*peer_ddcci_quirks(p) = (struct peer_quirks){ .doubled_source = quirks & 1,
-		                                      .null_for_unsupported = quirks & 2,
-		                                      .zero_for_unsupported = quirks & 4,
-		                                      .malformed_capabilities = quirks & 8,
-		                                      .no_ack_asleep = quirks & 16,
-		                                      .think_ns = 30 * MS };
-	if (quirks & 32)
-		peer_ddcci_fault(p, (enum peer_fault)(quirks >> 6), true, now_ns);
+						      .null_for_unsupported = quirks & 2,
+						      .zero_for_unsupported = quirks & 4,
+						      .malformed_capabilities = quirks & 8,
+						      .no_ack_asleep = quirks & 16,
+						      .think_ns = 30 * MS };
+	const unsigned int fault = fuzz_byte(&in);
+	if (fault && fault <= PEER_FAULT_COUNT)
+		peer_ddcci_fault(p, (enum peer_fault)(fault - 1), true, now_ns);
 	while (in.left) {
 		const uint8_t how = fuzz_byte(&in);
 		const uint16_t address = addresses[how & 3];

@@ -1,7 +1,8 @@
 /*
- * tests/fuzz/fuzz_peer_pads.c: what a host writes to simulated gamepads on USB and on an Xbox receiver's slots. A byte a
- * transfer: bits 0 to 2 which device; bits 3 and 4: a control transfer (a SETUP packet follows), a write (its endpoint
- * follows), a read (likewise), a report by SET_REPORT; bits 5 to 7: how many times 8 bytes follow at most.
+ * tests/fuzz/fuzz_peer_pads.c: what a host writes to simulated gamepads on USB and on an Xbox receiver's slots. A byte
+ * a transfer: bits 0 to 2 which device; bits 3 and 4: a control transfer (a SETUP packet follows), a write (its
+ * endpoint follows), a read (likewise), a report by SET_REPORT; bits 5 to 7: how many times 8 bytes follow at most.
+ * Device 7 is the world: one of them is pulled out or plugged in.
  */
 #include "sim/peer_pads_impl.h"
 #include "tests/fuzz/fuzz.h"
@@ -16,7 +17,9 @@ static void build(struct bench *b)
 {
 	fuzz_must(bb_clock_virtual_create(&b->clk) == BB_OK);
 	for (int kind = 0; kind < SIM_PEER_KINDS; kind++) {
-		const struct sim_peer_config c = { .kind = (enum sim_peer_kind)kind, .id = "p", .script = "", .clk = b->clk };
+		const struct sim_peer_config c = {
+			.kind = (enum sim_peer_kind)kind, .id = "p", .script = "", .clk = b->clk
+		};
 		fuzz_must(sim_peer_pad_create(&c, &b->pad[kind]) == BB_OK);
 	}
 	sim_xbox_init(&b->receiver);
@@ -28,7 +31,8 @@ static void put_back(struct bench *b)
 {
 	for (int kind = 0; kind < SIM_PEER_KINDS; kind++) {
 		struct sim_peer_pad *p = b->pad[kind];
-		p->fault_off = false;
+		sim_peer_pad_unplug(p, false);
+		p->fault_off = p->fault_descriptor = false;
 		p->n = p->head = 0;
 		p->led = -1;
 		if (sim_peer_pad_usb(p))
@@ -51,8 +55,11 @@ static void control(struct sim_usb_device *dev, struct fuzz_input *in, size_t wa
 
 	for (size_t i = 0; i < sizeof(p); i++)
 		p[i] = fuzz_byte(in);
-	struct bb_usb_setup setup = { .request_type = p[0], .request = p[1], .value = (uint16_t)(p[2] | p[3] << 8),
-		                      .index = (uint16_t)(p[4] | p[5] << 8), .length = (uint16_t)(p[6] | p[7] << 8) };
+	struct bb_usb_setup setup = { .request_type = p[0],
+				      .request = p[1],
+				      .value = (uint16_t)(p[2] | p[3] << 8),
+				      .index = (uint16_t)(p[4] | p[5] << 8),
+				      .length = (uint16_t)(p[6] | p[7] << 8) };
 	if (report) {
 		setup.request_type = 0x21;
 		setup.request = 9;
@@ -72,7 +79,7 @@ static void transfer(struct sim_usb_device *dev, struct fuzz_input *in, size_t w
 	uint8_t *bytes = read ? fuzz_exact(none, n) : fuzz_piece(in, want, &n);
 
 	const int moved = sim_usb_transfer(dev, endpoint, bytes, n);
-	fuzz_must(moved >= SIM_USB_STALL && moved <= (int)n);
+	fuzz_must(moved >= SIM_USB_GONE && moved <= (int)n);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -85,6 +92,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	put_back(&b);
 	while (in.left) {
 		const uint8_t how = fuzz_byte(&in);
+		if ((how & 7) == 7) {
+			struct sim_peer_pad *p = b.pad[(how >> 3) % SIM_PEER_KINDS];
+			sim_peer_pad_unplug(p, how & 0x80);
+			p->fault_descriptor = how & 0x40;
+			continue;
+		}
 		struct sim_usb_device *dev = pick(&b, how & 7);
 		size_t want = (size_t)(how >> 5) * 8;
 		want -= want ? fuzz_byte(&in) & 7 : 0;

@@ -1,7 +1,7 @@
 /*
- * tests/fuzz/fuzz_trackir.c: what a camera sends. Two bytes, then a transfer, and so on. Of the two, from the highest bit:
- * repair the packet's own length, so that stripes are reached; double the transfer's bytes 0 to 7 times, so that a short
- * input says a long transfer; 12 bits of length. Whatever comes, blobs lie on the sensor, in order.
+ * tests/fuzz/fuzz_trackir.c: what a camera sends. Two bytes, then a transfer, and so on. Of the two, from the highest
+ * bit: repair the packet's own length, so that stripes are reached; double the transfer's bytes 0 to 7 times, so that a
+ * short input says a long transfer; 12 bits of length. Whatever comes, blobs lie on the sensor, in order.
  */
 #include "drivers/trackir_codec.h"
 #include "tests/fuzz/fuzz.h"

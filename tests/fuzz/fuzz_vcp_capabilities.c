@@ -10,7 +10,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	if (vcp_capabilities_parse((const char *)data, size, &c) != BB_OK)
 		return 0;
 	fuzz_must(c.n_values <= VCP_CAPABILITIES_VALUES);
-	fuzz_must(strlen(c.model) < sizeof(c.model) && strlen(c.type) < sizeof(c.type) && strlen(c.prot) < sizeof(c.prot));
+	fuzz_must(strlen(c.model) < sizeof(c.model) && strlen(c.type) < sizeof(c.type) &&
+		  strlen(c.prot) < sizeof(c.prot));
 	for (unsigned int code = 0; code < 256; code++) {
 		const struct vcp_capability *row = &c.code[code];
 		fuzz_must((size_t)row->first + row->n <= c.n_values && (row->known || !row->n));

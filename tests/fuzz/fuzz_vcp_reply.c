@@ -1,6 +1,7 @@
 /*
- * tests/fuzz/fuzz_vcp_reply.c: what a display sends when it was asked for a value or a part of its capabilities. Byte 0:
- * the code, bytes 1 and 2: the offset; the rest is the reply. deep_vcp_reply.c has the whole driver before such a wire.
+ * tests/fuzz/fuzz_vcp_reply.c: what a display sends when it was asked for a value or a part of its capabilities. Byte
+ * 0: the code, bytes 1 and 2: the offset; the rest is the reply. deep_vcp_reply.c has the whole driver before such a
+ * wire.
  */
 #include "drivers/ddcci_codec.h"
 #include "tests/fuzz/fuzz.h"

@@ -1,11 +1,14 @@
 #!/bin/sh
-# Every fuzz target over its own corpus, once; BB_REPLAY names the folder of the replay_NAME programs.
+# Every fuzz target over its seeds and its corpus, once; BB_REPLAY names the folder of the replay_NAME programs.
 folder=${BB_REPLAY:-build/gcc/tests}
 failed=0 n=0
+seeds=$(mktemp -d) || exit 1
+trap 'rm -rf "$seeds"' EXIT
+tests/fuzz/seeds.py "$seeds" || failed=1
 for program in "$folder"/replay_*; do
 	case $program in *.o | *.d | *'*') continue ;; esac
 	name=${program##*/replay_}
-	out=$("$program" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
+	out=$("$program" "$seeds/$name" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
 	n=$((n + 1))
 done
 echo "$n targets replayed"

@@ -5,12 +5,14 @@ seconds=${1:-20}
 [ $# -gt 0 ] && shift
 [ $# -gt 0 ] || set -- $(sed 's/#.*//' tests/fuzz/targets.txt | awk '/^[a-z]/ { print $1 }')
 mkdir -p build/fuzz/found build/fuzz/log
+rm -rf build/fuzz/seeds
+tests/fuzz/seeds.py build/fuzz/seeds || exit 1
 export seconds
-printf '%s\n' "$@" | xargs -P 2 -I NAME sh -c '
-	mkdir -p build/fuzz/corpus/NAME tests/fuzz/corpus/NAME
+printf '%s\n' "$@" | xargs -P "${FUZZ_JOBS:-2}" -I NAME sh -c '
+	mkdir -p build/fuzz/corpus/NAME build/fuzz/seeds/NAME tests/fuzz/corpus/NAME
 	most=$(awk "\$1 == \"NAME\" { print \$2 }" tests/fuzz/targets.txt)
 	build/fuzz/fuzz_NAME -max_total_time="$seconds" -print_final_stats=1 -max_len="${most:-256}" -timeout=10 -verbosity=1 \
-		-artifact_prefix=build/fuzz/found/NAME- build/fuzz/corpus/NAME tests/fuzz/corpus/NAME >build/fuzz/log/NAME 2>&1
+		-artifact_prefix=build/fuzz/found/NAME- build/fuzz/corpus/NAME tests/fuzz/corpus/NAME build/fuzz/seeds/NAME >build/fuzz/log/NAME 2>&1
 	echo $? >build/fuzz/log/NAME.code'
 passed=0 failed=0
 for name in "$@"; do
