@@ -30,7 +30,8 @@ LIB_SRC := $(filter-out bench/main.c,$(SRC))
 HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
-REPLAYS := $(FUZZ:%=$B/tests/replay_%) $(patsubst tests/fuzz/deep_%.c,$B/tests/replay_deep_%,$(wildcard tests/fuzz/deep_*.c))
+DEEP    := $(patsubst tests/fuzz/deep_%.c,%,$(wildcard tests/fuzz/deep_*.c))
+REPLAYS := $(FUZZ:%=$B/tests/replay_%) $(DEEP:%=$B/tests/replay_deep_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
 # Contract suites that a case of the guest names run there, too.
 GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
@@ -91,7 +92,7 @@ run-room:
 
 # ---- tests ----
 
-SCRIPTS := tests/test-check-layers.sh tests/check-man.sh
+SCRIPTS := tests/test-check-layers.sh tests/check-man.sh tests/fuzz/check-ledger.sh
 
 check:
 	@$(MAKE) --no-print-directory deps
@@ -101,28 +102,31 @@ check:
 
 tests: $(TESTS) $(REPLAYS) $(GUEST) $B/tests/hw_room
 
-# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`. Whole
-# drivers (deep_NAME.c) are too slow to be fuzzed for long: tests over their corpus only.
+# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its seeds and corpus, and a fuzzer with `make fuzz`.
+# Whole drivers (deep_NAME.c) are too slow for millions of inputs: tests, and fuzzed only when asked for by name.
 $B/tests/replay_deep_%: $B/tests/fuzz/deep_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 
-# Of the library only what parsers and simulated devices need; edges are counted in the parsers only.
+# Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
-FUZZ_SRC := $(filter hal/% drivers/% sim/%,$(SRC))
-PARSERS  := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt))
+FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c,$(SRC))
+FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
+            drivers/monitor_ddc.c sim/peer_shutter.c
 fuzz: fuzz-build
 	@tests/fuzz/run.sh $(FUZZ_S) $(ONLY)
 fuzz-build:
 	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=address,undefined OPT=-O2 CFLAGS='-g1 -DBB_FUZZ' B=build/fuzz fuzz-programs
-fuzz-programs: $(FUZZ:%=$B/fuzz_%)
+fuzz-programs: $(FUZZ:%=$B/fuzz_%) $(DEEP:%=$B/fuzz_deep_%)
 ifeq ($B,build/fuzz)
-$(PARSERS:%.c=$B/%.o): ALL_CFLAGS += -fsanitize=fuzzer-no-link
+$(FUZZED:%.c=$B/%.o): ALL_CFLAGS += -fsanitize=fuzzer-no-link
 endif
 $B/libfuzz.a: $(FUZZ_SRC:%.c=$B/%.o)
 	@rm -f $@
 	@$(AR) qcs $@ $^
+$B/fuzz_deep_%: $B/tests/fuzz/deep_%.o $B/libfuzz.a
+	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer -Wl,--as-needed -o $@ $^ $(LDLIBS)
 $B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libfuzz.a
 	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer -Wl,--as-needed -o $@ $^ $(LDLIBS)
 

@@ -16,7 +16,7 @@ for name in "$@"; do
 		failed=1
 	commit=$(awk -v name="$name" '$1 == name { print $3 }' tests/fuzz/LEDGER)
 	files=$(awk -v name="$name" '$1 == name { for (i = 3; i <= NF; i++) print $i }' tests/fuzz/targets.txt)
-	git diff --quiet "$commit" -- "tests/fuzz/fuzz_$name.c" $files 2>/dev/null ||
+	! git cat-file -e "$commit^{commit}" 2>/dev/null || git diff --quiet "$commit" -- "tests/fuzz/fuzz_$name.c" $files ||
 		echo "note: $name has changed since its run: tests/fuzz/ledger.sh $name"
 done
 for name in $(awk '/^[a-z]/ { print $1 }' tests/fuzz/targets.txt); do

@@ -4,6 +4,7 @@
 # the target over its inputs and prints "BRANCHES COVERED PERCENT REGIONS COVERED PERCENT", where a branch is one outcome
 # of one condition (of if, loop, ?:, && and || operands, and cases of a switch). Functions that targets.txt names under
 # "without" do not count. With -v, first every function that is not covered fully, with the lines of missing branches.
+# Needs `make fuzz-build` and llvm-cov (package llvm).
 set -e
 verbose=
 [ "$1" = -v ] && verbose=1 && shift
@@ -26,6 +27,6 @@ clang $cflags -O1 -o "$out/run" "tests/fuzz/fuzz_$name.c" tests/fuzz/replay.c $o
 	$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus) -lm -lpthread -ldl
 tests/fuzz/seeds.py "$out/seeds"
 LLVM_PROFILE_FILE=$out/raw "$out/run" "$out/seeds/$name" "tests/fuzz/corpus/$name" "$@" >/dev/null
-llvm-profdata-14 merge -o "$out/data" "$out/raw"
-llvm-cov-14 export -instr-profile="$out/data" "$out/run" >"$out/json"
+llvm-profdata merge -o "$out/data" "$out/raw"
+llvm-cov export -instr-profile="$out/data" "$out/run" >"$out/json"
 tests/fuzz/coverage.py $verbose "$name" "$out/json"

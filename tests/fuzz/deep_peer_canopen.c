@@ -1,5 +1,5 @@
 /*
- * tests/fuzz/fuzz_peer_canopen.c: any frames into the simulated controllers, which `serve` puts on a wire that other
+ * tests/fuzz/deep_peer_canopen.c: any frames into the simulated controllers, which `serve` puts on a wire that other
  * programs write to. Input: one byte (1: they have ids), then records of 12 bytes: id low, id high, length, 100 us units to wait, 8 data bytes; the kind in the
  * id's high byte makes most of them SDO, NMT or LSS requests.
  */

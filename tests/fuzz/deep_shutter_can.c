@@ -1,5 +1,5 @@
 /*
- * tests/fuzz/fuzz_shutter_can.c: the whole driver against a hostile bus: any frames at any time, error frames and
+ * tests/fuzz/deep_shutter_can.c: the whole driver against a hostile bus: any frames at any time, error frames and
  * failing calls included. Input: one byte (1: configured by polite controllers first), then records of 12 bytes: id
  * low; id high and kind; length or status; 100 us units to wait; 8 data bytes.
  */

@@ -1,5 +1,5 @@
 /*
- * tests/fuzz/fuzz_vcp_reply.c: the driver's machine against a wire that answers with the input: its bytes are
+ * tests/fuzz/deep_vcp_reply.c: the driver's machine against a wire that answers with the input: its bytes are
  * replies, missing acknowledges, bus errors and EDID reads in any order. Whatever comes, requests end, tries stay
  * bounded, and nothing but harmless messages goes out.
  *

@@ -5,11 +5,11 @@ failed=0 n=0
 seeds=$(mktemp -d) || exit 1
 trap 'rm -rf "$seeds"' EXIT
 tests/fuzz/seeds.py "$seeds" || failed=1
-for program in "$folder"/replay_*; do
-	case $program in *.o | *.d | *'*') continue ;; esac
-	name=${program##*/replay_}
-	out=$("$program" "$seeds/$name" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
+for target in tests/fuzz/fuzz_*.c tests/fuzz/deep_*.c; do
+	name=$(basename "$target" .c)
+	name=${name#fuzz_}
+	out=$("$folder/replay_$name" "$seeds/$name" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
 	n=$((n + 1))
 done
 echo "$n targets replayed"
-[ "$failed" = 0 ] && [ "$n" -gt 0 ]
+[ "$failed" = 0 ]

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Write the seeds of tests/fuzz/seeds.txt to FOLDER/TARGET/NAME: tests/fuzz/seeds.py FOLDER"""
+import glob
 import os
 import re
+import shutil
 import sys
 
 
@@ -27,6 +29,10 @@ def main(folder):
             if section:
                 target = os.path.join(folder, section.group(1))
                 os.makedirs(target, exist_ok=True)
+                continue
+            if line.startswith("@"):  # files of the tree
+                for path in glob.glob(line[1:]):
+                    shutil.copy(path, target)
                 continue
             name, _, text = line.partition(" ")
             with open(os.path.join(target, name), "xb") as out:  # a name given twice is a mistake
