@@ -1,6 +1,8 @@
 /*
  * tests/fuzz/fuzz_nifti.c: any bytes as a NIfTI-1 file and its voxels. The file is in memory: the functions of
- * render/volume/bytes.c stand here for that, so that no input costs a system call.
+ * render/volume/bytes.c stand here for that, so that no input costs a system call. A file of odd length is packed: its
+ * header may claim more than there is; one of length 4 n + 3 is packed and damaged at its end; an empty one cannot be
+ * opened.
  */
 #include "render/volume/volume_private.h"
 #include "tests/fuzz/fuzz.h"
@@ -14,9 +16,8 @@ static size_t n_file;
 enum bb_status bb_bytes_open(const char *path, unsigned int mode, struct bb_bytes *out, struct bb_error *err)
 {
 	(void)mode;
-	(void)err;
 	*out = (struct bb_bytes){ .where = { path, 0, 0 }, .fd = -1, .file_bytes = n_file };
-	return BB_OK;
+	return n_file ? BB_OK : bb_fail(err, BB_ERR_CONFIG, 1001, &out->where, "empty");
 }
 
 void bb_bytes_close(struct bb_bytes *b)
@@ -34,16 +35,15 @@ enum bb_status bb_bytes_rewind(struct bb_bytes *b, struct bb_error *err)
 
 enum bb_status bb_bytes_read(struct bb_bytes *b, void *buf, size_t n, size_t *n_out, struct bb_error *err)
 {
-	(void)b;
-	(void)err;
 	*n_out = n < file.left ? n : file.left;
+	if (n_file % 4 == 3 && *n_out < n)
+		return bb_fail(err, BB_ERR_FORMAT, 1408, &b->where, "damaged");
 	memcpy(buf, file.at, *n_out);
 	file.at += *n_out;
 	file.left -= *n_out;
 	return BB_OK;
 }
 
-/* As if it were packed, for half of them: then a header may claim more than there is. */
 enum bb_status bb_bytes_could_hold(const struct bb_bytes *b, uint64_t n, struct bb_error *err)
 {
 	if (n <= b->file_bytes * (b->file_bytes & 1 ? 1000 : 1))
