@@ -1,5 +1,5 @@
 #!/bin/sh
-# Does every fuzz target have its row in targets.txt, its plant, its seeds, and a line in the ledger with at least 10
+# Does every fuzz target have its row in targets.txt, a plant that still fits, its seeds, and a line in the ledger with at least 10
 # million clean executions, 90 % of the parser's branches and its plant found within 60 s? tests/fuzz/check-ledger.sh
 # [NAME...]. Says besides, without failing, which parsers have changed since.
 cd "$(dirname "$0")/../.." || exit 2
@@ -9,6 +9,9 @@ for name in "$@"; do
 	for table in targets.txt plants.txt; do
 		grep -q "^$name " "tests/fuzz/$table" || { echo "$name: no line in tests/fuzz/$table"; failed=1; }
 	done
+	file=$(awk -v name="$name" '$1 == name { print $2 }' tests/fuzz/plants.txt)
+	plant=$(sed -n "s/^$name  *[^ ]*  *//p" tests/fuzz/plants.txt)
+	! sed "$plant" "$file" | cmp -s - "$file" || { echo "$name: the plant no longer fits $file"; failed=1; }
 	grep -qx "\[$name\]" tests/fuzz/seeds.txt || { echo "$name: no seeds in tests/fuzz/seeds.txt"; failed=1; }
 	grep "^$name " tests/fuzz/LEDGER | awk -v name="$name" '
 		NF == 11 && $5 >= 10000000 && $8 >= 90 && $10 != "-" && $10 <= 60 && $11 == "clean" { good = 1 }
@@ -16,7 +19,8 @@ for name in "$@"; do
 		failed=1
 	commit=$(awk -v name="$name" '$1 == name { print $3 }' tests/fuzz/LEDGER)
 	files=$(awk -v name="$name" '$1 == name { for (i = 3; i <= NF; i++) print $i }' tests/fuzz/targets.txt)
-	! git cat-file -e "$commit^{commit}" 2>/dev/null || git diff --quiet "$commit" -- "tests/fuzz/fuzz_$name.c" $files ||
+	! git cat-file -e "$commit^{commit}" 2>/dev/null ||
+		git diff --quiet "$commit" -- "tests/fuzz/fuzz_$name.c" $files ||
 		echo "note: $name has changed since its run: tests/fuzz/ledger.sh $name"
 done
 for name in $(awk '/^[a-z]/ { print $1 }' tests/fuzz/targets.txt); do

@@ -1,10 +1,10 @@
 #!/bin/sh
-# How much of a parser the seeds and the corpus of its fuzz target reach: tests/fuzz/coverage.sh NAME [MORE-FOLDERS...]
-# Compiles the parser's files (tests/fuzz/targets.txt) without optimisation and with clang's source-based coverage, runs
-# the target over its inputs and prints "BRANCHES COVERED PERCENT REGIONS COVERED PERCENT", where a branch is one outcome
-# of one condition (of if, loop, ?:, && and || operands, and cases of a switch). Functions that targets.txt names under
-# "without" do not count. With -v, first every function that is not covered fully, with the lines of missing branches.
-# Needs `make fuzz-build` and llvm-cov (package llvm).
+# How much of a parser the seeds and the corpus of its fuzz target reach: tests/fuzz/coverage.sh NAME
+# [MORE-FOLDERS...] Compiles the parser's files (tests/fuzz/targets.txt) without optimisation and with clang's
+# source-based coverage, runs the target over its inputs and prints "BRANCHES COVERED PERCENT REGIONS COVERED
+# PERCENT", where a branch is one outcome of one condition (of if, loop, ?:, && and || operands, and cases of a
+# switch). Functions that targets.txt names under "without" do not count. With -v, first every function that is not
+# covered fully, with the lines of missing branches. Needs `make fuzz-build` and llvm-cov (package llvm).
 set -e
 verbose=
 [ "$1" = -v ] && verbose=1 && shift

@@ -1,7 +1,7 @@
 /*
  * tests/fuzz/deep_peer_canopen.c: any frames into the simulated controllers, which `serve` puts on a wire that other
- * programs write to. Input: one byte (1: they have ids), then records of 12 bytes: id low, id high, length, 100 us units to wait, 8 data bytes; the kind in the
- * id's high byte makes most of them SDO, NMT or LSS requests.
+ * programs write to. Input: one byte (1: they have ids), then records of 12 bytes: id low, id high, length, 100 us
+ * units to wait, 8 data bytes; the kind in the id's high byte makes most of them SDO, NMT or LSS requests.
  */
 #include "sim/peer_shutter.h"
 #include "sim/world.h"

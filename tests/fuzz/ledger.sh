@@ -1,8 +1,8 @@
 #!/bin/sh
-# Runs fuzz targets for as many executions as the ledger asks for, from the committed seeds and corpus, and writes what came
-# of it to tests/fuzz/LEDGER: tests/fuzz/ledger.sh [NAME...]; RUNS=, SEED= for other than 10 million and 1. Refuses a tree
-# with changes: the commit must say what was run. Exit 1: a find (left in build/fuzz/found), a plant that was not found,
-# or too little covered.
+# Runs fuzz targets for as many executions as the ledger asks for, from the committed seeds and corpus, and writes
+# what came of it to tests/fuzz/LEDGER: tests/fuzz/ledger.sh [NAME...]; RUNS=, SEED= for other than 10 million and 1.
+# Refuses a tree with changes: the commit must say what was run. Exit 1: a find (left in build/fuzz/found), a plant
+# that was not found, or too little covered.
 runs=${RUNS:-10000000} seed=${SEED:-1}
 ledger=tests/fuzz/LEDGER
 [ $# -gt 0 ] || set -- $(awk '/^[a-z]/ { print $1 }' tests/fuzz/targets.txt)

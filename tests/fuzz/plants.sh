@@ -1,12 +1,13 @@
 #!/bin/sh
-# Is a planted overflow found? tests/fuzz/plants.sh [NAME...]: for each target builds its parser with the one-line mistake
-# of tests/fuzz/plants.txt and lets it fuzz for at most 60 s from its seeds and corpus, without those that show the
-# mistake at once: it must come by mutation. Exit 1: a mistake no longer fits its file, or was not found. Needs
-# `make fuzz-build`. Leaves "SECONDS EXECUTIONS" in build/fuzz/plant/NAME/found.
+# Is a planted overflow found? tests/fuzz/plants.sh [NAME...]: for each target builds its parser with the one-line
+# mistake of tests/fuzz/plants.txt and lets it fuzz for at most 60 s from its seeds and corpus, without those that
+# show the mistake at once: it must come by mutation. Exit 1: a mistake no longer fits its file, or was not found.
+# Needs `make fuzz-build`. Leaves "SECONDS EXECUTIONS" in build/fuzz/plant/NAME/found.
 [ $# -gt 0 ] || set -- $(awk '/^[a-z]/ { print $1 }' tests/fuzz/plants.txt)
 cflags="-std=gnu11 -O2 -g1 -I. -DBB_FUZZ -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 	$(pkg-config --cflags libusb-1.0 hidapi-hidraw libevdev libmodbus libgpiod)"
-libs="$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus) -lm -lpthread -ldl"
+libs="$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus) -lm -lpthread
+	-ldl"
 export ASAN_OPTIONS=detect_leaks=0 TIMEFORMAT=%R
 failed=0 found=0
 
@@ -38,8 +39,8 @@ for name in "$@"; do
 	done
 	most=$(awk -v name="$name" '$1 == name { print $2 }' tests/fuzz/targets.txt)
 	begin=$(date +%s.%N)
-	"$out/fuzz" -seed=1 -max_total_time=60 -max_len="$most" -print_final_stats=1 -artifact_prefix="$out/" "$out/hidden" "$out/seeds" \
-		>"$out/log" 2>&1
+	"$out/fuzz" -seed=1 -max_total_time=60 -max_len="$most" -print_final_stats=1 -artifact_prefix="$out/" \
+		"$out/hidden" "$out/seeds" >"$out/log" 2>&1
 	code=$?
 	seconds=$(date +%s.%N | awk -v begin="$begin" '{ printf "%.1f", $1 - begin }')
 	executions=$(sed -n 's/^stat::number_of_executed_units: *//p' "$out/log")

@@ -8,7 +8,10 @@ tests/fuzz/seeds.py "$seeds" || failed=1
 for target in tests/fuzz/fuzz_*.c tests/fuzz/deep_*.c; do
 	name=$(basename "$target" .c)
 	name=${name#fuzz_}
-	out=$("$folder/replay_$name" "$seeds/$name" "tests/fuzz/corpus/$name" 2>&1) || { echo "FAILED: $name: $out"; failed=1; }
+	if ! out=$("$folder/replay_$name" "$seeds/$name" "tests/fuzz/corpus/$name" 2>&1); then
+		echo "FAILED: $name: $out"
+		failed=1
+	fi
 	n=$((n + 1))
 done
 echo "$n targets replayed"

@@ -11,7 +11,7 @@ export seconds
 printf '%s\n' "$@" | xargs -P "${FUZZ_JOBS:-2}" -I NAME sh -c '
 	mkdir -p build/fuzz/corpus/NAME build/fuzz/seeds/NAME tests/fuzz/corpus/NAME
 	most=$(awk "\$1 == \"NAME\" { print \$2 }" tests/fuzz/targets.txt)
-	build/fuzz/fuzz_NAME -max_total_time="$seconds" -print_final_stats=1 -max_len="${most:-1600}" -timeout=10 -verbosity=1 \
+	build/fuzz/fuzz_NAME -max_total_time="$seconds" -print_final_stats=1 -max_len="${most:-1600}" -timeout=10 \
 		-artifact_prefix=build/fuzz/found/NAME- build/fuzz/corpus/NAME tests/fuzz/corpus/NAME build/fuzz/seeds/NAME >build/fuzz/log/NAME 2>&1
 	echo $? >build/fuzz/log/NAME.code'
 passed=0 failed=0
