@@ -31,7 +31,8 @@ LIB_SRC := $(filter-out bench/main.c,$(SRC))
 HDR     := $(wildcard $(WINGS:%=%/*.h) $(WINGS:%=%/*/*.h))
 TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contract_*.c))
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
-REPLAYS := $(FUZZ:%=$B/tests/replay_%)
+DEEP    := $(patsubst tests/fuzz/deep_%.c,%,$(wildcard tests/fuzz/deep_*.c))
+REPLAYS := $(FUZZ:%=$B/tests/replay_%) $(DEEP:%=$B/tests/replay_deep_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
 GUEST   += $B/tests/hw_room
 # Contract suites that a case of the guest names run there, too.
@@ -99,7 +100,7 @@ run-room:
 
 # ---- tests ----
 
-SCRIPTS := tests/test-check-layers.sh tests/check-man.sh
+SCRIPTS := tests/test-check-layers.sh tests/check-man.sh tests/fuzz/check-ledger.sh
 
 check:
 	@$(MAKE) --no-print-directory deps
@@ -109,18 +110,33 @@ check:
 
 tests: $(TESTS) $(REPLAYS) $(GUEST)
 
-# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
+# Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its seeds and corpus, and a fuzzer with `make fuzz`.
+# Whole drivers (deep_NAME.c) are too slow for millions of inputs: tests, and fuzzed only when asked for by name.
+$B/tests/replay_deep_%: $B/tests/fuzz/deep_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
+	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
 	@$(CC) $(ALL_CFLAGS) -o $@ $^ $(LDLIBS)
 
+# Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
-fuzz:
-	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=fuzzer-no-link,address,undefined CFLAGS='-g1 -DBB_FUZZ' \
-		B=build/fuzz PROGRAM=build/fuzz/blackburst fuzz-programs
-	@tests/fuzz/run.sh $(FUZZ_S)
-fuzz-programs: $(FUZZ:%=$B/fuzz_%)
-$B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libblackburst.a
-	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer,address,undefined -o $@ $^ $(LDLIBS)
+FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c,$(SRC))
+FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
+            drivers/monitor_ddc.c sim/peer_shutter.c
+fuzz: fuzz-build
+	@tests/fuzz/run.sh $(FUZZ_S) $(ONLY)
+fuzz-build:
+	@$(MAKE) --no-print-directory -j$(shell nproc) CC=clang SAN=address,undefined OPT=-O2 CFLAGS='-g1 -DBB_FUZZ' B=build/fuzz fuzz-programs
+fuzz-programs: $(FUZZ:%=$B/fuzz_%) $(DEEP:%=$B/fuzz_deep_%)
+ifeq ($B,build/fuzz)
+$(FUZZED:%.c=$B/%.o): ALL_CFLAGS += -fsanitize=fuzzer-no-link
+endif
+$B/libfuzz.a: $(FUZZ_SRC:%.c=$B/%.o)
+	@rm -f $@
+	@$(AR) qcs $@ $^
+$B/fuzz_deep_%: $B/tests/fuzz/deep_%.o $B/libfuzz.a
+	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer -Wl,--as-needed -o $@ $^ $(LDLIBS)
+$B/fuzz_%: $B/tests/fuzz/fuzz_%.o $B/libfuzz.a
+	@$(CC) $(ALL_CFLAGS) -fsanitize=fuzzer -Wl,--as-needed -o $@ $^ $(LDLIBS)
 
 # The contracts against the devices of a room: make check-hw ROOM=my-room.yaml [SWITCH="pdu1/3 pdu2/1"]
 ROOM ?= rooms/standin.yaml
@@ -190,6 +206,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-programs install uninstall format clean help
+        bench fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

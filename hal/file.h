@@ -7,7 +7,11 @@
 
 #include "hal/status.h"
 
+#ifdef BB_FUZZ
+#define BB_TEXT_FILE_CAP_BYTES (1u << 13) /* less to take and give back for each input */
+#else
 #define BB_TEXT_FILE_CAP_BYTES (1u << 20)
+#endif
 
 /* The whole file, malloc'ed, with a NUL after its last byte; *out is NULL on failure. 1001, 1002, 1003, 1018. */
 BB_MUST_CHECK enum bb_status bb_file_read(const char *path, size_t cap_bytes, char **out, size_t *n_out,

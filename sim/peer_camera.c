@@ -140,7 +140,8 @@ static size_t expose(struct peer_camera *p, const struct bb_camera_frame *f, uin
 		const uint32_t high = (uint32_t)clamp(y + SPOT_PX + 1, TRACKIR_HEIGHT_PX - 1);
 		top = low < top ? low : top;
 		bottom = high > bottom ? high : bottom;
-		draw_spot(p, &f->blobs[i]);
+		if (p->threshold < PEAK) /* no spot is brighter than that; a width would be no number */
+			draw_spot(p, &f->blobs[i]);
 	}
 	for (uint32_t line = top; line <= bottom; line++) {
 		if (!p->lit_to[line])

@@ -214,13 +214,17 @@ static void obey(struct peer_ddcci *p, const uint8_t *data, size_t n, int64_t at
 /* Host's source byte, length, data and checksum; the address byte went over the wire before them. */
 static bool whole(const uint8_t *b, size_t n)
 {
-	uint8_t sum = DDCCI_TO_DISPLAY;
-
 	if (n < 4 || b[0] != DDCCI_HOST || b[1] != (DDCCI_LENGTH_FLAG | (n - 3)))
 		return false;
+#ifdef BB_FUZZ
+	return true;
+#else
+	uint8_t sum = DDCCI_TO_DISPLAY;
+
 	for (size_t i = 0; i + 1 < n; i++)
 		sum ^= b[i];
 	return sum == b[n - 1];
+#endif
 }
 
 static void take_request(struct peer_ddcci *p, const uint8_t *bytes, size_t n, int64_t from_ns, int64_t to_ns)

@@ -2,26 +2,17 @@
  * tests/fuzz/fuzz_line_events.c: whatever a v2 line descriptor may yield, read by drivers/line_uapi2.c and followed by
  * drivers/edge_lock.c. First byte: milliseconds between reads (0: a far leap). The rest: records of 48 bytes.
  */
-#include <stdlib.h>
-
 #include "drivers/edge_lock.h"
 #include "drivers/line.h"
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void must(bool holds)
-{
-	if (!holds)
-		abort();
-}
+#include "tests/fuzz/fuzz.h"
 
 /* A lock that has seen an event keeps its promises. */
 static void check(const struct bb_edge_lock *l, int64_t now_ns)
 {
-	must(l->period_ns > 0 && l->period_ns < 1e12);
-	must(bb_edge_lock_wake_ns(l) > now_ns || l->raw_ns > now_ns);
-	must(bb_edge_lock_holdover_ns(l, now_ns) >= 0);
-	must(bb_edge_lock_health(l) != BB_HEALTH_OK || (l->locked && !l->silent));
+	fuzz_must(l->period_ns > 0 && l->period_ns < 1e12);
+	fuzz_must(bb_edge_lock_wake_ns(l) > now_ns || l->raw_ns > now_ns);
+	fuzz_must(bb_edge_lock_holdover_ns(l, now_ns) >= 0);
+	fuzz_must(bb_edge_lock_health(l) != BB_HEALTH_OK || (l->locked && !l->silent));
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
@@ -44,14 +35,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		bb_clock_run_until(clk, now_ns);
 		const size_t most = 4 * BB_LINE_RECORD_BYTES, left = size - used;
 		const size_t took = bb_line_decode(&r, data + used, left < most ? left : most, e, BB_ARRAY_LEN(e), &n);
-		must(took >= BB_LINE_RECORD_BYTES && took <= left && n <= BB_ARRAY_LEN(e));
+		fuzz_must(took >= BB_LINE_RECORD_BYTES && took <= left && n <= BB_ARRAY_LEN(e));
 		used += took;
 		for (size_t i = 0; i < n; i++) {
-			must(e[i].at_ns >= last_ns);
+			fuzz_must(e[i].at_ns >= last_ns);
 			last_ns = e[i].at_ns;
 			if (bb_edge_lock_event(&lock, &e[i], now_ns, &out))
-				must(out.at_ns == e[i].at_ns &&
-				     (out.eye == BB_EYE_NONE || (out.eye == BB_EYE_LEFT) == e[i].level));
+				fuzz_must(out.at_ns == e[i].at_ns &&
+					  (out.eye == BB_EYE_NONE || (out.eye == BB_EYE_LEFT) == e[i].level));
 		}
 		bb_edge_lock_pass(&lock, now_ns);
 		check(&lock, now_ns);

@@ -1,12 +1,9 @@
 /*
- * tests/fuzz/fuzz_modbus_reply.c: a strip's bytes at the driver's seam. Byte 0: framing and function, bytes 1 and 2: how
- * many values were asked for; the rest is the reply. An answer holds exactly what was asked for.
+ * tests/fuzz/fuzz_modbus_reply.c: a strip's bytes at the driver's seam. Byte 0: framing and function, bytes 1 and 2:
+ * how many values were asked for; the rest is the reply. An answer holds exactly what was asked for.
  */
 #include "drivers/modbus_codec.h"
-
-#include <stdlib.h>
-
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+#include "tests/fuzz/fuzz.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
@@ -21,11 +18,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 		modbus_judge_rtu(data + 3, n, &r, &reply);
 	else
 		modbus_judge_tcp(data + 3, n, &r, 7, &reply);
-	if (reply.n > MODBUS_VALUES_MAX || (reply.verdict == MODBUS_BAD && !reply.why))
-		abort();
-	if (reply.verdict == MODBUS_ANSWER && reply.n != (modbus_writes(&r) ? 0 : r.value))
-		abort();
-	if (reply.verdict == MODBUS_EXCEPTION && (reply.exception < 1 || reply.exception > MODBUS_EX_MOST))
-		abort();
+	fuzz_must(reply.n <= MODBUS_VALUES_MAX && (reply.verdict != MODBUS_BAD || reply.why));
+	if (reply.verdict == MODBUS_ANSWER)
+		fuzz_must(reply.n == (modbus_writes(&r) ? 0 : r.value));
+	if (reply.verdict == MODBUS_EXCEPTION)
+		fuzz_must(reply.exception >= 1 && reply.exception <= MODBUS_EX_MOST);
 	return 0;
 }

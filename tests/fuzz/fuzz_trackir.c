@@ -1,19 +1,12 @@
 /*
- * tests/fuzz/fuzz_trackir.c: what a camera sends. Two bytes of length, then a transfer, and so on; bit 15 of the length
- * repairs the packet's own length, so that stripes are reached. Whatever comes, blobs lie on the sensor, in order.
+ * tests/fuzz/fuzz_trackir.c: what a camera sends. Two bytes, then a transfer, and so on. Of the two, from the highest
+ * bit: repair the packet's own length, so that stripes are reached; double the transfer's bytes 0 to 7 times, so that a
+ * short input says a long transfer; 12 bits of length. Whatever comes, blobs lie on the sensor, in order.
  */
-#include <stdlib.h>
-#include <string.h>
-
 #include "drivers/trackir_codec.h"
+#include "tests/fuzz/fuzz.h"
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
-
-static void check(bool fine)
-{
-	if (!fine)
-		abort();
-}
+#define LONGEST (TRACKIR_READ_BYTES + 8) /* one that is refused for its length */
 
 static void look(const struct trackir_packet *p)
 {
@@ -21,11 +14,10 @@ static void look(const struct trackir_packet *p)
 	bool overflow;
 	const size_t n = trackir_blobs(p, blob, BB_ARRAY_LEN(blob), &overflow);
 
-	check(n <= BB_ARRAY_LEN(blob) && p->n <= TRACKIR_STRIPES_MAX);
+	fuzz_must(n <= BB_ARRAY_LEN(blob) && p->n <= TRACKIR_STRIPES_MAX && (!overflow || n == BB_ARRAY_LEN(blob)));
 	for (size_t i = 0; i < n; i++) {
-		check(blob[i].x_px >= 0 && blob[i].x_px < 1024 && blob[i].y_px >= 0 && blob[i].y_px < 512);
-		check(blob[i].area_px >= 1);
-		check(!i || blob[i].y_px >= blob[i - 1].y_px);
+		fuzz_must(blob[i].x_px >= 0 && blob[i].x_px < 1024 && blob[i].y_px >= 0 && blob[i].y_px < 512);
+		fuzz_must(blob[i].area_px >= 1 && (!i || blob[i].y_px >= blob[i - 1].y_px));
 	}
 }
 
@@ -39,28 +31,44 @@ static void repair(uint8_t *b, size_t n)
 		b[n - 4 + i] = (uint8_t)(length >> (24 - 8 * i));
 }
 
+/* The next transfer, told by a word. */
+static uint8_t *transfer(struct fuzz_input *in, unsigned int word, size_t *n_out)
+{
+	static uint8_t bytes[LONGEST];
+	size_t n = word & 0xFFF;
+
+	n = n < in->left ? n : in->left;
+	memcpy(bytes, in->at, n);
+	in->at += n;
+	in->left -= n;
+	for (unsigned int k = word >> 12 & 7; k && n; k--) {
+		const size_t more = n < sizeof(bytes) - n ? n : sizeof(bytes) - n;
+		memcpy(bytes + n, bytes, more);
+		n += more;
+	}
+	if (word & 0x8000 && n >= 8)
+		repair(bytes, n);
+	*n_out = n;
+	return fuzz_exact(bytes, n);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	static struct trackir_stream stream;
 	static struct trackir_packet packet;
+	struct fuzz_input in = { data, size };
 
 	trackir_stream_init(&stream);
-	while (size > 2) {
-		const size_t word = (size_t)data[0] << 8 | data[1], length = word & 0x7FFF;
-		const size_t want = length < size - 2 ? length : size - 2;
-		uint8_t *exact = malloc(want ? want : 1); /* so that one byte too far is seen */
-		if (!exact)
-			return 0;
-		memcpy(exact, data + 2, want);
-		if (word & 0x8000 && want >= 8)
-			repair(exact, want);
-		if (trackir_stream_add(&stream, exact, want) == TRACKIR_FRAME)
+	while (in.left > 2) {
+		const unsigned int high = fuzz_byte(&in), word = high << 8 | fuzz_byte(&in);
+		size_t n;
+		const uint8_t *bytes = transfer(&in, word, &n);
+		const enum trackir_item item = trackir_stream_add(&stream, bytes, n);
+		fuzz_must(stream.n <= sizeof(stream.bytes));
+		if (item == TRACKIR_FRAME)
 			look(&stream.packet);
-		if (trackir_packet4_read(exact, want, &packet))
-			check(packet.n <= 15);
-		free(exact);
-		data += 2 + want;
-		size -= 2 + want;
+		if (trackir_packet4_read(bytes, n, &packet))
+			fuzz_must(packet.n <= 15);
 	}
 	return 0;
 }

@@ -1,14 +1,13 @@
 /*
  * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a
- * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole and the connection bounded.
+ * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole, the connection
+ * bounded.
  */
-#include <stdlib.h>
-#include <string.h>
-
 #include "sim/peer_i2c_tiny_usb.h"
 #include "sim/usbip_conn.h"
+#include "tests/fuzz/fuzz.h"
 
-int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+static bool plugged;
 
 static bool target_write(void *ctx, uint8_t address, const uint8_t *bytes, size_t n)
 {
@@ -25,12 +24,16 @@ static bool target_read(void *ctx, uint8_t address, uint8_t *bytes, size_t n)
 	return address == 0x50;
 }
 
-/* Endpoint 1 answers every third time, endpoint 2 never, endpoint 3 stalls. */
+/* Endpoint 1 answers every third time, endpoint 2 never, endpoint 3 stalls, at 4 it is pulled out, at 5 it lies. */
 static int some_in(struct sim_usb_device *dev, uint8_t endpoint, uint8_t *bytes, size_t cap)
 {
 	dev->in_at_ns = 0;
 	if (endpoint == 0x83)
 		return SIM_USB_STALL;
+	if (endpoint == 0x84)
+		return SIM_USB_GONE;
+	if (endpoint == 0x85)
+		return (int)cap + 1;
 	if (endpoint != 0x81 || ++dev->halted % 3)
 		return SIM_USB_NAK;
 	dev->halted = 0;
@@ -45,69 +48,83 @@ static int some_out(struct sim_usb_device *dev, uint8_t endpoint, const uint8_t 
 	(void)dev;
 	for (size_t i = 0; i < n; i++)
 		sum = (uint8_t)(sum + bytes[i]);
+	if (endpoint == 4)
+		plugged = false;
 	return endpoint == 1 ? (int)n : SIM_USB_NAK;
 }
 
-static const struct sim_usb_ops ops = { sim_usb_no_control, some_in, some_out, sim_usb_no_reset,
-	                                sim_usb_always_present };
+static bool present(struct sim_usb_device *dev)
+{
+	(void)dev;
+	return plugged;
+}
+
+static const struct sim_usb_ops ops = { sim_usb_no_control, some_in, some_out, sim_usb_no_reset, present };
 static const uint8_t device[18] = { 18, 1, 0, 2, 0xFF, 0, 0, 64, 1, 2, 3, 4, 0, 1, 1, 2, 3, 1 };
-static const uint8_t config[18] = { 9, 2, 18, 0, 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 0, 0xFF, 0, 0, 0 };
+static const uint8_t config[52] = {
+	9, 2, 52, 0, 2,    1, 0, 0x80, 50, 9, 4, 0, 0, 1,    0xFF, 0, 0, 0, 7, 5, 0x81, 2, 64,   0, 0, 9,
+	4, 0, 1,  0, 0xFF, 0, 0, 0,    9,  4, 1, 0, 0, 0xFF, 0,    0, 0, 9, 4, 2, 0,    0, 0xFF, 0, 0, 0
+}; /* an alternate setting, and one too many */
 
 static void drain(struct usbip_conn *c, bool attached_from_start)
 {
 	size_t n;
 	const uint8_t *out = usbip_conn_out(c, &n);
 
-	if (n > USBIP_OUT_MAX || (attached_from_start && n && n < 48) ||
-	    (attached_from_start && n && (out[3] != 3 && out[3] != 4)))
-		abort();
+	fuzz_must(n <= USBIP_OUT_MAX);
+	if (attached_from_start && n)
+		fuzz_must(n >= 48 && (out[3] == 3 || out[3] == 4));
 	usbip_conn_sent(c, n);
 }
 
-static void talk(struct usbip_conn *c, const uint8_t *data, size_t size, bool attached)
+static void talk(struct usbip_conn *c, struct fuzz_input *in, bool attached)
 {
-	while (size) {
-		size_t n = *data++;
-		size--;
-		if (n > size)
-			n = size;
-		uint8_t *exact = malloc(n ? n : 1);
-		if (!exact)
-			return;
-		memcpy(exact, data, n);
-		const bool alive = n ? usbip_conn_room(c) < n || usbip_conn_feed(c, exact, n) : usbip_conn_step(c);
-		free(exact);
-		if (!alive)
-			return;
-		if (!n || usbip_conn_room(c) < 256)
+	bool alive = true;
+
+	while (in->left && alive) {
+		const size_t want = fuzz_byte(in);
+		size_t n;
+		const uint8_t *piece = fuzz_piece(in, want, &n);
+		if (!n)
+			alive = usbip_conn_step(c);
+		else if (usbip_conn_room(c) >= n)
+			alive = usbip_conn_feed(c, piece, n);
+		if (!n)
 			drain(c, attached);
-		data += n;
-		size -= n;
 	}
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	static struct usbip_exports exports;
-	struct sim_usb_device bulk = { .ops = &ops, .speed = SIM_USB_HIGH, .device = device, .config = config,
-		                       .n_config = sizeof(config), .string = { NULL, "a", "b", "c" } };
-	struct peer_i2c_tiny_usb *i2c;
+	static struct peer_i2c_tiny_usb *i2c; /* made once; attaching resets it */
+	static uint8_t sum;
+	struct fuzz_input in = { data, size };
+	struct sim_usb_device bulk = { .ops = &ops,
+				       .speed = SIM_USB_HIGH,
+				       .device = device,
+				       .config = config,
+				       .n_config = sizeof(config),
+				       .string = { NULL, "a", "b", "c" } };
 	struct usbip_conn *conn;
-	uint8_t sum = 0;
 
-	if (!size || peer_i2c_tiny_usb_create("S", &i2c) != BB_OK)
+	if (!i2c && peer_i2c_tiny_usb_create("S", &i2c) == BB_OK)
+		peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
+	sum = 0;
+	plugged = true;
+	exports.n = 4;
+	exports.item[0] = (struct usbip_export){ "1-1", 1, 2, peer_i2c_tiny_usb_device(i2c), false };
+	exports.item[1] = (struct usbip_export){ "1-2", 1, 3, &bulk, false };
+	exports.item[2] = (struct usbip_export){ "1-3", 1, 4, NULL, false };
+	exports.item[3] = (struct usbip_export){ "1-4", 1, 5, &bulk, true };
+	const uint8_t how = fuzz_byte(&in);
+	const bool attached = how & 1;
+	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, how >> 1 & 1, &conn)
+					       : usbip_conn_create(&exports, &conn);
+	if (status != BB_OK)
 		return 0;
-	peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
-	exports = (struct usbip_exports){ .n = 2,
-		                          .item = { { "1-1", 1, 2, peer_i2c_tiny_usb_device(i2c), false },
-		                                    { "1-2", 1, 3, &bulk, false } } };
-	const bool attached = data[0] & 1;
-	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, data[0] >> 1 & 1, &conn)
-	                                       : usbip_conn_create(&exports, &conn);
-	if (status == BB_OK) {
-		talk(conn, data + 1, size - 1, attached);
-		usbip_conn_destroy(conn);
-	}
-	peer_i2c_tiny_usb_destroy(i2c);
+	talk(conn, &in, attached);
+	usbip_conn_destroy(conn);
+	fuzz_must(!exports.item[0].taken && !exports.item[1].taken);
 	return 0;
 }
