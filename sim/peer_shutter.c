@@ -516,6 +516,11 @@ const char *sim_chain_label(const struct sim_chain *c, size_t position)
 	return (const char *)c->unit[position].label;
 }
 
+enum bb_eye sim_chain_eye(const struct sim_chain *c, size_t position)
+{
+	return (enum bb_eye)c->unit[position].eye;
+}
+
 int64_t sim_chain_switched_ns(const struct sim_chain *c, size_t position)
 {
 	return c->unit[position].switched_ns;

@@ -37,6 +37,7 @@ bool sim_chain_is_open(const struct sim_chain *c, size_t position); /* both eyes
 const char *sim_chain_label(const struct sim_chain *c, size_t position);
 /* The last switch of a position: when, truly; -1 before the first. */
 int64_t sim_chain_switched_ns(const struct sim_chain *c, size_t position);
+enum bb_eye sim_chain_eye(const struct sim_chain *c, size_t position); /* that sees since then; none: both */
 
 /* Faults: on counts up, off counts down. */
 void sim_chain_stuck(struct sim_chain *c, size_t position, bool on);   /* its sync line stops */

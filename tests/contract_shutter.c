@@ -26,6 +26,7 @@ static const struct backend {
 	enum bb_status (*open)(struct bench *b, const struct bb_open *open);
 	void (*close)(struct bench *b); /* of what open made besides the handle; NULL: nothing */
 	void (*silence)(struct shutter_bench *t, uint32_t edges);
+	enum bb_eye (*truth)(struct shutter_bench *t, int64_t *at_ns);
 	const struct bb_shutter_driver *driver; /* NULL: not of the simulated world */
 	bool numbered;
 	const char *kernel;   /* NULL: in process; else what the URI says besides */
@@ -43,6 +44,16 @@ static void world_says(struct shutter_bench *t, uint32_t edges)
 
 	snprintf(text, sizeof(text), "miss n=%u", edges);
 	rig_fault(&bench_of(t)->rig, "shutter/chain", text, true);
+}
+
+static enum bb_eye light(struct shutter_bench *t, int64_t *at_ns)
+{
+	const int64_t now_ns = bb_clock_now_ns(t->clk);
+	const bool left = sim_shutter_transmission(t->sh, BB_STAGE_EMITTER, BB_EYE_LEFT, now_ns) > 0.5;
+	const bool right = sim_shutter_transmission(t->sh, BB_STAGE_EMITTER, BB_EYE_RIGHT, now_ns) > 0.5;
+
+	(void)at_ns;
+	return left == right ? BB_EYE_NONE : left ? BB_EYE_LEFT : BB_EYE_RIGHT;
 }
 
 static enum bb_status open_sim(struct bench *b, const struct bb_open *open)
@@ -82,6 +93,12 @@ static void line_misses(struct shutter_bench *t, uint32_t edges)
 	sim_line_miss(bench_of(t)->peer, edges);
 }
 
+static enum bb_eye line_level(struct shutter_bench *t, int64_t *at_ns)
+{
+	(void)at_ns;
+	return sim_line_level(bench_of(t)->peer) ? BB_EYE_LEFT : BB_EYE_RIGHT; /* high is the left eye */
+}
+
 /* On a line of a chip of the kernel, whose far end is a file. */
 static void tell_gpio(const char *command)
 {
@@ -108,16 +125,28 @@ static enum bb_status open_gpio_kernel(struct bench *b, const struct bb_open *op
 	return bb_shutter_open(&bb_shutter_gpio_driver, c, &with, &b->t.sh);
 }
 
-static void close_gpio_kernel(struct bench *b)
+static bool chip_level(size_t line)
 {
 	char levels[16] = "";
 	FILE *f = fopen(GPIO_WORLD, "r");
 
-	(void)b;
 	assert_non_null(f);
 	assert_non_null(fgets(levels, sizeof(levels), f));
 	fclose(f);
-	assert_int_equal(levels[4], '0'); /* fail-safe: the glasses hear nothing */
+	return levels[line] == '1';
+}
+
+static enum bb_eye chip_eye(struct shutter_bench *t, int64_t *at_ns)
+{
+	(void)t;
+	(void)at_ns;
+	return chip_level(3) ? BB_EYE_LEFT : BB_EYE_RIGHT;
+}
+
+static void close_gpio_kernel(struct bench *b)
+{
+	(void)b;
+	assert_false(chip_level(4)); /* fail-safe: the glasses hear nothing */
 	tell_gpio("stop");
 }
 
@@ -150,6 +179,14 @@ static void close_can(struct bench *b)
 	free(b->peer);
 }
 
+static enum bb_eye chain_eye(struct shutter_bench *t, int64_t *at_ns)
+{
+	const struct can_far *far = bench_of(t)->peer;
+
+	*at_ns = sim_chain_switched_ns(far->chain, 0);
+	return sim_chain_eye(far->chain, 0);
+}
+
 static void stick(struct bench *b, bool on)
 {
 	const struct can_far *far = b->peer;
@@ -180,20 +217,20 @@ static void chain_sticks(struct shutter_bench *t, uint32_t edges)
 }
 
 static const struct backend backends[] = {
-	{ "shutter: sim, fidelity 0", 0, open_sim, NULL, world_says, &sim_shutter_driver, false, NULL, "sim", "sim" },
-	{ "shutter: sim, fidelity 1", 1, open_sim, NULL, world_says, &sim_shutter_driver, false, NULL, NULL, NULL },
-	{ "shutter: sim, fidelity 2", 2, open_sim, NULL, world_says, &sim_shutter_driver, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, line without numbers", 0, open_gpio, close_gpio, line_misses, NULL, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, numbered line", 1, open_gpio, close_gpio, line_misses, NULL, true, NULL, "gpio driver + peer",
+	{ "shutter: sim, fidelity 0", 0, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, "sim", "sim" },
+	{ "shutter: sim, fidelity 1", 1, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, NULL, NULL },
+	{ "shutter: sim, fidelity 2", 2, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, NULL, NULL },
+	{ "shutter: gpio driver, line without numbers", 0, open_gpio, close_gpio, line_misses, line_level, NULL, false, NULL, NULL, NULL },
+	{ "shutter: gpio driver, numbered line", 1, open_gpio, close_gpio, line_misses, line_level, NULL, true, NULL, "gpio driver + peer",
 	  NULL },
-	{ "shutter: CAN driver and peer, ideal", 0, open_can, close_can, chain_sticks, NULL, false, NULL, "CAN driver + peer",
+	{ "shutter: CAN driver and peer, ideal", 0, open_can, close_can, chain_sticks, chain_eye, NULL, false, NULL, "CAN driver + peer",
 	  "CAN driver + peer" },
-	{ "shutter: CAN driver and peer", 1, open_can, close_can, chain_sticks, NULL, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, a kernel's chip", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, NULL, true, "",
+	{ "shutter: CAN driver and peer", 1, open_can, close_can, chain_sticks, chain_eye, NULL, false, NULL, NULL, NULL },
+	{ "shutter: gpio driver, a kernel's chip", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, chip_eye, NULL, true, "",
 	  "gpio driver + kernel", NULL },
-	{ "shutter: gpio driver, a kernel's chip by libgpiod", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, NULL, false,
+	{ "shutter: gpio driver, a kernel's chip by libgpiod", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, chip_eye, NULL, false,
 	  "&api=gpiod", NULL, NULL },
-	{ "shutter: CAN driver, a kernel's bus", 1, open_can, close_can, chain_sticks, NULL, false, "vcan0",
+	{ "shutter: CAN driver, a kernel's bus", 1, open_can, close_can, chain_sticks, chain_eye, NULL, false, "vcan0",
 	  "CAN driver + kernel", "CAN driver + kernel" },
 };
 
@@ -218,6 +255,7 @@ static struct bench *bench_open(int fidelity, double jitter_us)
 	b->t.scale = backend->kernel ? 0.2 : 1;
 	b->t.gap_ns = backend->kernel ? 15 * MS : 0;
 	b->t.silence = backend->silence;
+	b->t.truth = backend->truth;
 	const struct bb_open open = rig_open(&b->rig);
 	assert_int_equal(backend->open(b, &open), BB_OK);
 	return b;
@@ -252,6 +290,7 @@ static int teardown(void **state)
 
 SHARED(limits_hold)
 SHARED(edges_alternate)
+SHARED(truth_is_told)
 SHARED(phase_moves)
 SHARED(arguments_are_checked)
 SHARED(open_stops)
@@ -589,7 +628,7 @@ static void nonsense_is_refused(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		T(test_limits_hold), T(test_edges_alternate), T(test_phase_moves), T(test_arguments_are_checked),
+		T(test_limits_hold), T(test_edges_alternate), T(test_truth_is_told), T(test_phase_moves), T(test_arguments_are_checked),
 		T(test_open_stops), T(test_small_pieces_lose_nothing),
 	};
 	const struct CMUnitTest of_the_world[] = {

@@ -28,6 +28,8 @@ struct shutter_bench {
 	double scale;   /* how long to look, as a part of what costs nothing on the virtual clock */
 	int64_t gap_ns; /* an edge is told at most so long after it was; 0 where nobody waits for anything */
 	void (*silence)(struct shutter_bench *t, uint32_t edges); /* the world's: from the next edge on so many do not come */
+	/* The last switch of the glasses as it was: the eye, and when if at_ns is not -1. NULL: nobody knows. */
+	enum bb_eye (*truth)(struct shutter_bench *t, int64_t *at_ns);
 	void *impl;
 	size_t n[BB_STAGES_MAX + 1];
 	struct bb_shutter_edge edge[BB_STAGES_MAX + 1][SHUTTER_EDGES_MOST];
@@ -134,6 +136,31 @@ static inline void shutter_edges_alternate(struct shutter_bench *t)
 		const uint32_t ahead = t->edge[s][0].seq - t->edge[0][0].seq;
 		assert_int_equal((t->edge[s][0].eye + t->edge[0][0].eye + ahead) % 2, 0);
 	}
+}
+
+/* What is told is what was. Edges are judged when 2 to 4 ms old: the glasses have switched, and not yet again. */
+static inline void shutter_truth_is_told(struct shutter_bench *t)
+{
+	const int64_t within_ns = bb_shutter_limits(t->sh)->stamp_error_ns + bb_shutter_limits(t->sh)->phase_step_ns;
+	struct bb_shutter_edge e[16], last = { 0 };
+	size_t n, judged = 0;
+
+	shutter_stereo(t);
+	for (int i = 0; t->truth && i < 500; i++) {
+		bb_clock_run_until(t->clk, bb_clock_now_ns(t->clk) + SHUTTER_MS);
+		while (bb_shutter_read(t->sh, e, sizeof(e) / sizeof(e[0]), &n) == BB_OK)
+			for (size_t k = 0; k < n; k++)
+				last = e[k].stage == BB_STAGE_EMITTER ? e[k] : last;
+		const int64_t age_ns = bb_clock_now_ns(t->clk) - last.at_ns;
+		if (i < 200 || age_ns < 2 * SHUTTER_MS || age_ns > 4 * SHUTTER_MS)
+			continue;
+		int64_t at_ns = -1;
+		assert_int_equal(t->truth(t, &at_ns), last.eye);
+		if (at_ns >= 0)
+			assert_in_range(llabs(at_ns - last.at_ns), 0, within_ns);
+		judged++;
+	}
+	assert_true(!t->truth || judged >= 30);
 }
 
 /* Edges of a row against those of the glasses by number, mean, ns. */
