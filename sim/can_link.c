@@ -70,9 +70,13 @@ static bool link_send(struct sim_can_wire *wire, const struct bb_can_frame *f)
 	struct can_frame raw = { .can_id = f->id | (f->extended ? CAN_EFF_FLAG : 0) | (f->remote ? CAN_RTR_FLAG : 0),
 		                 .len = f->n_bytes };
 
+	if (f->error) /* only others hear those: it is sent when it is written */
+		raw.can_id = f->id | CAN_ERR_FLAG;
 	memcpy(raw.data, f->bytes, sizeof(raw.data));
 	if (write(l->fd, &raw, sizeof(raw)) != (ssize_t)sizeof(raw))
 		return false;
+	if (f->error)
+		sim_can_wire_sent(l->can, f, bb_clock_now_ns(l->clk));
 	sim_can_link_serve(l); /* a virtual bus has sent it already */
 	return true;
 }

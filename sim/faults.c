@@ -3,6 +3,7 @@
  * so everything is bounded and checked here; planting is in sim/fault_plan.c.
  */
 #include "sim/peer_modbus.h"
+#include "sim/peer_shutter.h"
 #include "sim/sim.h"
 #include "sim/world_impl.h"
 
@@ -23,7 +24,7 @@ static const struct {
 	{ "shutter", sim_shutter_verbs }, { "camera", sim_camera_verbs }, { "display", sim_display_verbs },
 	{ "monitor", sim_monitor_verbs }, { "power", sim_power_verbs },   { "gamepad", sim_gamepad_verbs },
 	{ "link", sim_link_verbs },       { "node", sim_node_verbs },     { "world", sim_viewer_verbs },
-	{ "modbus", peer_modbus_verbs }, /* of `serve` */
+	{ "modbus", peer_modbus_verbs },  { "can", sim_chain_can_verbs }, /* of `serve` */
 };
 
 const struct sim_verb *sim_fault_verb(size_t i, const char **class_out)

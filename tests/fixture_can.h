@@ -30,6 +30,7 @@ static inline void can_far_chain(struct rig *rig, struct can_far *far, uint8_t n
 
 static inline void can_far_wire(struct rig *rig, struct can_far *far, int64_t bitrate, uint8_t node)
 {
+	*far = (struct can_far){ .clk = rig->clk };
 	assert_int_equal(sim_can_create(rig->clk, bitrate, rig->seed, &far->can), BB_OK);
 	can_far_chain(rig, far, node);
 }
@@ -86,10 +87,10 @@ static inline struct bb_shutter *can_far_open_on(struct rig *rig, struct can_far
 	struct bb_uri uri;
 	char text[64];
 
+	*far = (struct can_far){ .clk = rig->clk };
 	assert_int_equal(sim_can_create(rig->clk, 1000000, rig->seed, &far->can), BB_OK);
 	if (sim_can_link_open(interface, far->can, rig->clk, &far->link, &err) != BB_OK)
 		fail_msg("%s", err.text);
-	far->clk = rig->clk;
 	far->timer = (struct bb_timer){ .step = can_far_look };
 	assert_int_equal(bb_clock_arm(rig->clk, &far->timer, 0), BB_OK);
 	can_far_chain(rig, far, CAN_NODE);

@@ -492,6 +492,100 @@ static void noise_costs_time_only(void **state)
 	ends_well(b);
 }
 
+/* The words of `serve --fault`: each does what it says, and is over. */
+
+static const struct {
+	const char *device, *fault;
+	enum bb_shutter_can_fault alarm; /* BB_CANF_COUNT: none */
+} verbs[] = {
+	{ "can/chain", "babble id=0x123 us=300", BB_CANF_BABBLE },
+	{ "can/chain", "unplug stage=left", BB_CANF_NODE_LOST },
+	{ "can/chain", "power stage=left", BB_CANF_NODE_LOST },
+	{ "can/chain", "drop_sync n=3", BB_CANF_SYNC_LATE },
+	{ "can/chain", "late_sync us=3000", BB_CANF_SYNC_LATE },
+	{ "can/chain", "freeze stage=left", BB_CANF_STALE },
+	{ "can/chain", "noise ppm=20000", BB_CANF_COUNT },
+	{ "can/chain", "emergency stage=left code=0x4200", BB_CANF_NODE },
+	{ "can/chain", "twin", BB_CANF_DUP_ID },
+	{ "can/chain", "bad_sync", BB_CANF_PROTO },
+	{ "can/chain", "bus_off", BB_CANF_BUS_OFF },
+	{ "shutter/chain", "miss n=3", BB_CANF_SYNC_LATE },
+	{ "shutter/chain", "stuck stage=left", BB_CANF_NODE },
+	{ "shutter/chain", "flip_polarity stage=left", BB_CANF_COUNT },
+	{ "shutter/chain", "stage_offset stage=left us=900", BB_CANF_COUNT },
+	{ "shutter/chain", "unplug", BB_CANF_NODE_LOST },
+};
+
+static void verbs_do_what_they_say(void **state)
+{
+	struct bench *b = *state;
+	const char *const classes[] = { "can", "shutter" };
+
+	assert_int_equal(sim_world_register(b->rig.world, "can", "chain", b->far.chain, sim_chain_can_verbs), BB_OK);
+	assert_int_equal(sim_world_register(b->rig.world, "shutter", "chain", b->far.chain, sim_chain_shutter_verbs), BB_OK);
+	for (size_t i = 0; i < BB_ARRAY_LEN(verbs); i++) {
+		const bool alarms = verbs[i].alarm != BB_CANF_COUNT;
+		const uint64_t count = alarms ? alarm_of(b, verbs[i].alarm).count : 0;
+		const int64_t from_ns = now(b);
+		print_message("%s %s\n", verbs[i].device, verbs[i].fault);
+		rig_fault(&b->rig, verbs[i].device, verbs[i].fault, true);
+		while (alarms && alarm_of(b, verbs[i].alarm).count == count) { /* it may be over as quickly */
+			assert_true(now(b) - from_ns < 500 * MS);
+			run(b, MS / 2);
+		}
+		run(b, 200 * MS);
+		rig_fault(&b->rig, verbs[i].device, verbs[i].fault, false);
+		if (alarms)
+			until(b, verbs[i].alarm, false, now(b), 8 * BB_NS_PER_S);
+		run(b, 500 * MS);
+		ends_well(b);
+	}
+	for (size_t c = 0; c < BB_ARRAY_LEN(classes); c++) /* none was forgotten above */
+		for (const struct sim_verb *v = c ? sim_chain_shutter_verbs : sim_chain_can_verbs; v->name; v++) {
+			size_t i = 0;
+			while (i < BB_ARRAY_LEN(verbs) && (strncmp(verbs[i].device, classes[c], strlen(classes[c])) ||
+			                                   strncmp(verbs[i].fault, v->name, strlen(v->name))))
+				i++;
+			assert_true(i < BB_ARRAY_LEN(verbs));
+		}
+}
+
+static struct bb_shutter_edge newest(struct bench *b, uint8_t stage)
+{
+	struct bb_shutter_edge e, last = { 0 };
+	size_t n;
+
+	drain(b);
+	rig_run(&b->rig, 100 * MS);
+	while (bb_shutter_read(b->sh, &e, 1, &n) == BB_OK)
+		last = e.stage == stage ? e : last;
+	return last;
+}
+
+static void verbs_reach_the_edges(void **state)
+{
+	struct bench *b = *state;
+	const struct bb_shutter_edge before = newest(b, 1);
+
+	sim_chain_flip(b->far.chain, 2, true);
+	const struct bb_shutter_edge flipped = newest(b, 1);
+	assert_int_not_equal((flipped.seq + flipped.eye) % 2, (before.seq + before.eye) % 2);
+	sim_chain_flip(b->far.chain, 2, false);
+	sim_chain_offset(b->far.chain, 2, 900 * US);
+	const struct bb_shutter_edge late = newest(b, 1);
+	assert_int_equal((late.seq + late.eye) % 2, (before.seq + before.eye) % 2);
+	const int64_t later_ns = late.at_ns - before.at_ns - bb_rate_frame_ns(b->rig.fix.room.chain.rate, late.seq - before.seq);
+	assert_in_range(later_ns, 880 * US, 920 * US); /* jitter, rate */
+	sim_chain_offset(b->far.chain, 2, -900 * US);
+	count_anew(b);
+	run(b, 50 * MS);
+	sim_chain_miss(b->far.chain, 2, 3);
+	run(b, 150 * MS);
+	assert_int_equal(b->gaps, 1);
+	assert_in_range(b->n[1], 20, 22);
+	assert_in_range(b->n[0], 23, 25);
+}
+
 #define T(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -500,7 +594,7 @@ int main(void)
 		T(c1_bus_off), T(c1_by_counters), T(c1_too_often), T(c2_babbling_stranger), T(c2_babbling_above_sync),
 		T(c2_babbling_stage), T(c3_node_lost), T(c3_node_boots), T(c4_queue_full), T(c4_nothing_drains),
 		T(c5_wrong_frames), T(c5_duplicate_node), T(c5_stale_counter), T(c6_sync_missing), T(c6_sync_late),
-		T(c6_link_down), T(noise_costs_time_only),
+		T(c6_link_down), T(noise_costs_time_only), T(verbs_do_what_they_say), T(verbs_reach_the_edges),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
