@@ -73,9 +73,11 @@ static bool link_send(struct sim_can_wire *wire, const struct bb_can_frame *f)
 	if (f->error) /* only others hear those: it is sent when it is written */
 		raw.can_id = f->id | CAN_ERR_FLAG;
 	memcpy(raw.data, f->bytes, sizeof(raw.data));
-	if (write(l->fd, &raw, sizeof(raw)) != (ssize_t)sizeof(raw))
+	const bool written = write(l->fd, &raw, sizeof(raw)) == (ssize_t)sizeof(raw);
+	const bool down = !written && (errno == ENETDOWN || errno == ENODEV || errno == ENXIO);
+	if (!written && !down)
 		return false;
-	if (f->error)
+	if (f->error || down) /* without the host the others go on among themselves */
 		sim_can_wire_sent(l->can, f, bb_clock_now_ns(l->clk));
 	sim_can_link_serve(l); /* a virtual bus has sent it already */
 	return true;
