@@ -2,6 +2,7 @@
 #   make            the program, build/blackburst          make check      every test that needs no root and no network
 #   make run        a whole room, from nothing to a report  make deps       Debian packages this needs
 #   make t-NAME     one test binary, tests/test_NAME.c     make lint       clang-tidy and cppcheck
+#   make install    program, man page, udev rules, systemd units (PREFIX=/usr/local, DESTDIR=)
 #   make check-kernel   real drivers in a QEMU guest on Debian's kernel: ONLY=, LONG=1, DETERMINISM=1, see tests/guest/run.sh
 # Variants: SAN=address,undefined  SAN=thread  CC=clang  (each has its own folder under build/)
 
@@ -151,13 +152,37 @@ bench: all
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
+# Programs, rooms, man page; udev rules that let the group "blackburst" use the devices; systemd units that run as nobody.
+PREFIX  ?= /usr/local
+UDEVDIR ?= /etc/udev/rules.d
+UNITDIR ?= /etc/systemd/system
+SYSUSERS ?= /etc/sysusers.d
+install: all
+	install -Dm755 $(PROGRAM) $(DESTDIR)$(PREFIX)/bin/blackburst
+	install -Dm644 docs/blackburst.1 $(DESTDIR)$(PREFIX)/share/man/man1/blackburst.1
+	install -Dm644 docs/shutter.eds $(DESTDIR)$(PREFIX)/share/blackburst/shutter.eds
+	install -Dm644 -t $(DESTDIR)$(PREFIX)/share/blackburst/rooms rooms/*.yaml
+	install -Dm644 -t $(DESTDIR)$(PREFIX)/share/blackburst/rooms/profiles rooms/profiles/*.yaml
+	install -Dm644 -t $(DESTDIR)$(PREFIX)/share/blackburst/scenes scenes/*.*
+	install -Dm644 drivers/70-blackburst.rules $(DESTDIR)$(UDEVDIR)/70-blackburst.rules
+	install -Dm644 drivers/blackburst.sysusers $(DESTDIR)$(SYSUSERS)/blackburst.conf
+	for unit in bench/systemd/*.service; do \
+		install -d $(DESTDIR)$(UNITDIR) && \
+		sed 's,@PREFIX@,$(PREFIX),' $$unit >$(DESTDIR)$(UNITDIR)/$${unit##*/} || exit 1; done
+	[ -n "$(DESTDIR)" ] || { systemd-sysusers && udevadm control --reload && udevadm trigger; } || true
+uninstall:
+	rm -rf $(DESTDIR)$(PREFIX)/bin/blackburst $(DESTDIR)$(PREFIX)/share/man/man1/blackburst.1 \
+		$(DESTDIR)$(PREFIX)/share/blackburst $(DESTDIR)$(UDEVDIR)/70-blackburst.rules \
+		$(DESTDIR)$(SYSUSERS)/blackburst.conf $(DESTDIR)$(UNITDIR)/blackburst-run@.service \
+		$(DESTDIR)$(UNITDIR)/blackburst-serve@.service
+
 clean:
 	rm -rf build
 
 help:
-	@sed -n '2,7p' Makefile | cut -c3-
+	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-programs format clean help
+        bench fuzz fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d $(GUEST:=.d)

@@ -2,6 +2,8 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -104,4 +106,23 @@ bool bb_path_is_tame(const char *path)
 		p += strspn(p, "/");
 	}
 	return true;
+}
+
+void bb_path_settle(char *name, size_t cap, const char *configuration)
+{
+	char folder[PATH_MAX], path[PATH_MAX];
+
+	if (!*name || access(name, F_OK) == 0 || snprintf(folder, sizeof(folder), "%s", configuration) >= PATH_MAX)
+		return;
+	for (int up = 0; up < 2; up++) {
+		char *slash = strrchr(folder, '/');
+		if (!slash || slash == folder)
+			return;
+		*slash = '\0';
+		const int n = snprintf(path, sizeof(path), "%s/%s", folder, name);
+		if (n >= (int)cap || n >= PATH_MAX || access(path, F_OK))
+			continue;
+		memcpy(name, path, (size_t)n + 1);
+		return;
+	}
 }

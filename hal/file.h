@@ -16,5 +16,11 @@ BB_MUST_CHECK enum bb_status bb_file_read(const char *path, size_t cap_bytes, ch
 BB_MUST_CHECK enum bb_status bb_file_check_text(const char *path, const char *text, size_t n, struct bb_error *err);
 /* May a configuration name this file? Not empty, relative, no ".." component. */
 bool bb_path_is_tame(const char *path);
+/*
+ * Where is a file that a configuration names? In the current folder; else beside the configuration; else in the folder
+ * above it, since rooms/, scenes/ and their data stand side by side and are used from elsewhere once installed. name
+ * (cap bytes) is rewritten when that is where it is, and stays as it is when it is nowhere.
+ */
+void bb_path_settle(char *name, size_t cap, const char *configuration);
 
 #endif

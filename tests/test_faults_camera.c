@@ -3,6 +3,7 @@
  * detected and left within its budget, in virtual time, and the frame loop (a read every millisecond) never waits.
  */
 #include "tests/fixture_room.h"
+#include "tests/fault_table.h"
 #include "tests/fixture_camera_usb.h"
 #include "drivers/camera_usb_time.h"
 #include "sim/sim_camera.h"
@@ -95,8 +96,7 @@ static int64_t until_fault(struct bench *b, const char *fault, int64_t most_ns)
 
 static void row(const char *name, const char *injected, const char *reported, int64_t detected_ns, int64_t recovered_ns)
 {
-	print_message("| %-3s | %-34s | %-11s | %8.2f | %8.2f |\n", name, injected, reported,
-	              (double)detected_ns * 1e-6, (double)recovered_ns * 1e-6);
+	fault_row(name, injected, reported, detected_ns, -1, recovered_ns);
 }
 
 static void k1_frames_are_lost(void **state)
@@ -455,6 +455,5 @@ int main(void)
 		T(k8_silence), T(k8_no_sync_is_no_fault), cmocka_unit_test(no_firmware_is_refused),
 	};
 
-	print_message("| row | injected                           | reported    | detected | recovered (ms) |\n");
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

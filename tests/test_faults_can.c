@@ -3,6 +3,7 @@
  * detected by name within the row's budget, and over again. Virtual time. Prints one line a row.
  */
 #include "drivers/canopen_codec.h"
+#include "tests/fault_table.h"
 #include "tests/fixture_can.h"
 
 #define PERIOD (BB_NS_PER_S / 120)
@@ -103,10 +104,9 @@ static void named(const struct bench *b, const char *word)
 	assert_int_not_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_OK); /* never OK while faulted */
 }
 
-static void row(const char *id, const char *what, int64_t detected_ns, int64_t budget_ns, int64_t recovered_ns)
+static void row(const struct bench *b, const char *id, enum bb_shutter_can_fault fault, const char *what, int64_t detected_ns, int64_t budget_ns, int64_t recovered_ns)
 {
-	print_message("%-4s %-46s detected %8.3f ms (budget %7.3f)  recovered %9.3f ms\n", id, what,
-	              (double)detected_ns * 1e-6, (double)budget_ns * 1e-6, (double)recovered_ns * 1e-6);
+	fault_row(id, what, alarm_of(b, fault).name, detected_ns, budget_ns, recovered_ns);
 	assert_true(detected_ns >= 0 && detected_ns <= budget_ns);
 }
 
@@ -147,7 +147,7 @@ static void c1_bus_off(void **state)
 	run(b, 50 * MS);
 	assert_true(all_shut(b)); /* outputs held */
 	const int64_t over_ns = until(b, BB_CANF_BUS_OFF, false, from_ns, 200 * MS);
-	row("C1", "bus-off", found_ns, 10 * MS, over_ns);
+	row(b, "C1", BB_CANF_BUS_OFF, "bus-off", found_ns, 10 * MS, over_ns);
 	assert_true(over_ns >= 80 * MS && over_ns <= 125 * MS); /* 100 ms +-20 %, 1.4 ms of recessive bits, a poll */
 	assert_true(all_shut(b));
 	ends_well(b);
@@ -162,7 +162,7 @@ static void c1_by_counters(void **state)
 	sim_can_break_tx(sim_can_host(b->far.can), true);
 	const int64_t passive_ns = until(b, BB_CANF_BUS_ERROR, true, broken_ns, 200 * MS);
 	const int64_t off_ns = until(b, BB_CANF_BUS_OFF, true, broken_ns, 200 * MS);
-	row("C1", "every sent frame destroyed: first warning", passive_ns, 110 * MS, off_ns);
+	row(b, "C1", BB_CANF_BUS_ERROR, "every sent frame destroyed: first warning", passive_ns, 110 * MS, off_ns);
 	assert_true(off_ns - passive_ns < 10 * MS); /* 20 more frames of some 100 bits */
 	sim_can_break_tx(sim_can_host(b->far.can), false);
 	until(b, BB_CANF_BUS_OFF, false, broken_ns, 300 * MS);
@@ -186,7 +186,7 @@ static void c1_too_often(void **state)
 	run(b, 5 * BB_NS_PER_S);
 	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_QUARANTINED);
 	assert_int_equal(drain(b), BB_ERR_LOST);
-	print_message("C1   sixth bus-off within a minute: left alone; waits were %.0f, %.0f, %.0f, %.0f, %.0f ms\n",
+	print_message("     sixth bus-off within a minute: left alone; waits were %.0f, %.0f, %.0f, %.0f, %.0f ms\n",
 	              (double)at_ns[0] * 1e-6, (double)at_ns[1] * 1e-6, (double)at_ns[2] * 1e-6,
 	              (double)at_ns[3] * 1e-6, (double)at_ns[4] * 1e-6);
 	for (size_t i = 0; i < 4; i++)
@@ -210,7 +210,7 @@ static void babble(struct bench *b, uint32_t id, const char *what, int stage_los
 	const int64_t quiet_ns = now(b);
 	sim_can_babble(b->far.can, &f, 0);
 	const int64_t over_ns = until(b, BB_CANF_BABBLE, false, quiet_ns, 8 * BB_NS_PER_S);
-	row("C2", what, found_ns, 100 * MS, over_ns);
+	row(b, "C2", BB_CANF_BABBLE, what, found_ns, 100 * MS, over_ns);
 	assert_true(over_ns >= 4900 * MS && over_ns <= 5100 * MS);
 	ends_well(b);
 }
@@ -247,7 +247,7 @@ static void c3_node_lost(void **state)
 	const int64_t back_ns = now(b);
 	sim_can_mute(&left->port, false);
 	const int64_t over_ns = until(b, BB_CANF_NODE_LOST, false, back_ns, 2 * BB_NS_PER_S);
-	row("C3", "node unplugged from the bus", found_ns, 150 * MS + POLL, over_ns);
+	row(b, "C3", BB_CANF_NODE_LOST, "node unplugged from the bus", found_ns, 150 * MS + POLL, over_ns);
 	ends_well(b);
 }
 
@@ -264,13 +264,13 @@ static void c3_node_boots(void **state)
 	const int64_t back_ns = now(b);
 	sim_chain_power(b->far.chain, 2, true);
 	const int64_t over_ns = until(b, BB_CANF_NODE_LOST, false, back_ns, 2 * BB_NS_PER_S);
-	row("C3", "node without power, then boots", found_ns, 150 * MS + POLL, over_ns);
+	row(b, "C3", BB_CANF_NODE_LOST, "node without power, then boots", found_ns, 150 * MS + POLL, over_ns);
 	/* Too quick for heartbeats: its boot-up tells. */
 	const int64_t again_ns = now(b);
 	sim_chain_power(b->far.chain, 2, false);
 	sim_chain_power(b->far.chain, 2, true);
 	const int64_t seen_ns = until(b, BB_CANF_NODE_LOST, true, again_ns, 500 * MS);
-	row("C3", "node starts anew within a heartbeat", seen_ns, 150 * MS + POLL,
+	row(b, "C3", BB_CANF_NODE_LOST, "node starts anew within a heartbeat", seen_ns, 150 * MS + POLL,
 	    until(b, BB_CANF_NODE_LOST, false, again_ns, 2 * BB_NS_PER_S));
 	ends_well(b);
 }
@@ -295,7 +295,7 @@ static void c4_queue_full(void **state)
 	const int64_t free_ns = now(b);
 	sim_can_hold_tx(sim_can_host(b->far.can), false);
 	const int64_t over_ns = until(b, BB_CANF_TX_DROP, false, free_ns, 500 * MS);
-	row("C4", "send queue full", 0, 1, over_ns);
+	row(b, "C4", BB_CANF_TX_DROP, "send queue full", 0, 1, over_ns);
 	ends_well(b);
 	const struct sim_co_node *front = sim_chain_node(b->far.chain, 1);
 	for (size_t i = 0; i < front->n_app; i++)
@@ -317,7 +317,7 @@ static void c4_nothing_drains(void **state)
 	const int64_t found_ns = until(b, BB_CANF_TX_DROP, true, from_ns, BB_NS_PER_S);
 	sim_can_hold_tx(sim_can_host(b->far.can), false);
 	const int64_t free_ns = now(b);
-	row("C4", "send queue does not drain", found_ns, 500 * MS,
+	row(b, "C4", BB_CANF_TX_DROP, "send queue does not drain", found_ns, 500 * MS,
 	    until(b, BB_CANF_TX_DROP, false, free_ns, 500 * MS));
 	run(b, 2 * BB_NS_PER_S);
 	ends_well(b);
@@ -361,7 +361,7 @@ static void over(struct bench *b, const char *what, enum bb_shutter_can_fault fa
 {
 	const int64_t from_ns = now(b);
 
-	row("C5", what, found_ns, 500 * US, until(b, fault, false, from_ns, BB_NS_PER_S));
+	row(b, "C5", fault, what, found_ns, 500 * US, until(b, fault, false, from_ns, BB_NS_PER_S));
 	ends_well(b);
 }
 
@@ -409,7 +409,7 @@ static void c5_stale_counter(void **state)
 	assert_true(b->n[1] >= 23);
 	sim_chain_freeze(b->far.chain, 1, false);
 	const int64_t thawed_ns = now(b);
-	row("C5", "a counter that stands still", found_ns, 2 * PERIOD + POLL,
+	row(b, "C5", BB_CANF_STALE, "a counter that stands still", found_ns, 2 * PERIOD + POLL,
 	    until(b, BB_CANF_STALE, false, thawed_ns, BB_NS_PER_S));
 	ends_well(b);
 }
@@ -425,7 +425,7 @@ static void c6_sync_missing(void **state)
 	const int64_t found_ns = until(b, BB_CANF_SYNC_LATE, true, due_ns, 50 * MS);
 	named(b, "SYNC_LATE");
 	const int64_t over_ns = until(b, BB_CANF_SYNC_LATE, false, due_ns, 500 * MS);
-	row("C6", "three SYNCs missing", found_ns, PERIOD, over_ns);
+	row(b, "C6", BB_CANF_SYNC_LATE, "three SYNCs missing", found_ns, PERIOD, over_ns);
 	assert_true(over_ns >= 11 * PERIOD && over_ns <= 14 * PERIOD); /* three missed, ten good */
 	assert_int_equal(b->gaps, 0); /* phases had the host's clock to stand on */
 	assert_true(bb_shutter_can_status(b->sh).freewheeled >= 3);
@@ -443,7 +443,7 @@ static void c6_sync_late(void **state)
 	run(b, 20 * MS);
 	sim_chain_late_sync(b->far.chain, 0);
 	const int64_t ended_ns = now(b);
-	row("C6", "SYNC 3 ms late", found_ns, PERIOD,
+	row(b, "C6", BB_CANF_SYNC_LATE, "SYNC 3 ms late", found_ns, PERIOD,
 	    until(b, BB_CANF_SYNC_LATE, false, ended_ns, 500 * MS));
 	ends_well(b);
 }
@@ -464,7 +464,7 @@ static void c6_link_down(void **state)
 	sim_can_link_down(b->far.can, false);
 	const int64_t up_ns = now(b);
 	const int64_t over_ns = until(b, BB_CANF_IF_DOWN, false, up_ns, BB_NS_PER_S);
-	row("C6", "interface down for 1 s", found_ns, 50 * MS, over_ns);
+	row(b, "C6", BB_CANF_IF_DOWN, "interface down for 1 s", found_ns, 50 * MS, over_ns);
 	assert_true(over_ns >= 9 * PERIOD && over_ns <= 12 * PERIOD);
 	ends_well(b);
 	/* For good: lost after the holdover. */

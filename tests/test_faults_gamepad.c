@@ -3,6 +3,7 @@
  * recovered from by the shipped drivers, in virtual time. The reader reads once a frame of 60 Hz, as the frame loop
  * does.
  */
+#include "tests/fault_table.h"
 #include "tests/fixture_pads.h"
 
 #include <math.h>
@@ -19,6 +20,7 @@ struct bench {
 	struct bb_pad_report last;
 	long reports;
 	uint64_t n_health; /* events */
+	char named[32];    /* what the newest fault was called when it was noticed */
 };
 
 static void on_event(void *ctx, const struct bb_event *e)
@@ -107,21 +109,19 @@ static int64_t until(struct bench *t, bool ok, int64_t most_ns)
 	while ((core(t)->health == BB_HEALTH_OK) != ok && rig_now(t->rig) - from_ns < most_ns)
 		frame(t);
 	assert_true((core(t)->health == BB_HEALTH_OK) == ok);
+	if (!ok)
+		snprintf(t->named, sizeof(t->named), "%.31s", bb_gamepad_device(t->g)->last_error.detail);
 	return rig_now(t->rig) - from_ns;
 }
 
 static void row(const char *name, const struct bench *t, int64_t detected_ns, int64_t recovered_ns)
 {
-	static bool headed;
+	const char *what = strchr(name, ' ') + 1;
+	char id[4], injected[64];
 
-	if (!headed)
-		print_message("%-38s %-10s %13s %14s\n", "row", "injected", "detected (ms)", "recovered (ms)");
-	headed = true;
-	print_message("%-38s %-10s %13.1f ", name, sim_peer_pad_serial(t->far->peer), (double)detected_ns * 1e-6);
-	if (recovered_ns == BB_NEVER)
-		print_message("%14s\n", "operator");
-	else
-		print_message("%14.1f\n", (double)recovered_ns * 1e-6);
+	snprintf(id, sizeof(id), "%.*s", (int)(what - name - 1), name);
+	snprintf(injected, sizeof(injected), "%s", what);
+	fault_row(id, injected, t->named[0] ? t->named : bb_gamepad_device(t->g)->last_error.detail, detected_ns, -1, recovered_ns);
 }
 
 static float most(const struct bb_pad_report *r)

@@ -2,6 +2,7 @@
  * tests/test_faults_gpio.c: rows G1 to G9 of the fault matrix on the shipped GPIO driver: each is injected at the far
  * end of the line, and found, named and got over within its budget, in virtual time. Prints the table.
  */
+#include "tests/fault_table.h"
 #include "tests/fixture_room.h"
 
 #include <errno.h>
@@ -26,18 +27,13 @@ struct bench {
 	uint64_t ok_reads;           /* with health OK */
 };
 
-static struct row {
-	char name[48];
-	double detected_ms, recovered_ms;
-} table[32];
-static size_t n_rows;
-
-static void row(const char *name, int64_t detected_ns, int64_t recovered_ns)
+/* Row and what was injected, "G1 stuck high"; the driver's own words name it. */
+static void row(const struct bench *b, const char *name, int64_t detected_ns, int64_t recovered_ns)
 {
-	assert_true(n_rows < BB_ARRAY_LEN(table));
-	snprintf(table[n_rows].name, sizeof(table[0].name), "%s", name);
-	table[n_rows].detected_ms = (double)detected_ns * 1e-6;
-	table[n_rows++].recovered_ms = (double)recovered_ns * 1e-6;
+	char id[4];
+
+	snprintf(id, sizeof(id), "%.2s", name);
+	fault_row(id, name + 3, bb_shutter_device(b->sh)->last_error.detail, detected_ns, -1, recovered_ns);
 }
 
 static void hear(void *ctx, enum bb_log_level level, const char *text)
@@ -172,7 +168,7 @@ static void g1_stuck(bool high)
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 	const int64_t recovered_ns = fault(b, BB_SYNC_LOST)->cleared_ns - ended_ns;
 	assert_true(recovered_ns <= 11 * T_NS); /* the next edge that is one, and 8 good ones */
-	row(high ? "G1 stuck high" : "G1 stuck low", detected_ns, recovered_ns);
+	row(b, high ? "G1 stuck high" : "G1 stuck low", detected_ns, recovered_ns);
 	end(b);
 }
 
@@ -204,7 +200,7 @@ static void g1_beyond_the_time_box_everything_opens(void **state)
 	run(b, 300 * MS);
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 	assert_false(sim_line_out(b->line)); /* latched */
-	row("G1 beyond the time-box", opened_ns - injected_ns, fault(b, BB_SYNC_LOST)->cleared_ns - ended_ns);
+	row(b, "G1 beyond the time-box", opened_ns - injected_ns, fault(b, BB_SYNC_LOST)->cleared_ns - ended_ns);
 	run(b, 2 * BB_NS_PER_S);
 	assert_true(sim_line_out(b->line));
 	assert_true(sim_line_out_ns(b->line) - opened_ns >= 2 * BB_NS_PER_S);
@@ -230,15 +226,15 @@ static void g2_bounces_are_dropped(void **state)
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK); /* one in a minute is no reason */
 	const int64_t detected_ns = fault(b, BB_SYNC_GLITCH)->set_ns - injected_ns;
 	assert_true(detected_ns <= T_NS / 4);
-	row("G2 one bounce", detected_ns, fault(b, BB_SYNC_GLITCH)->cleared_ns - injected_ns);
+	row(b, "G2 one bounce", detected_ns, fault(b, BB_SYNC_GLITCH)->cleared_ns - injected_ns);
 	const int64_t begun_ns = now(b);
 	sim_line_bounce(b->line, 60, 300 * US);
 	run(b, BB_NS_PER_S);
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_DEGRADED);
-	row("G2 bounces above 1 % of a minute", fault(b, BB_SYNC_GLITCH)->set_ns - begun_ns, 0);
+	const int64_t found_ns = fault(b, BB_SYNC_GLITCH)->set_ns - begun_ns;
 	run(b, 61 * BB_NS_PER_S);
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
-	table[n_rows - 1].recovered_ms = (double)(fault(b, BB_SYNC_GLITCH)->cleared_ns - begun_ns) * 1e-6 - 500;
+	row(b, "G2 bounces above 1 % of a minute", found_ns, fault(b, BB_SYNC_GLITCH)->cleared_ns - begun_ns - 500 * MS);
 	assert_int_equal(b->edges - edges, sim_line_edges(b->line) - real);
 	end(b);
 }
@@ -261,7 +257,7 @@ static void g3_a_missed_pulse_keeps_the_eyes(void **state)
 		assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 		const int64_t detected_ns = fault(b, BB_SYNC_MISSED)->set_ns - injected_ns;
 		assert_true(detected_ns <= T_NS * 3 / 2);
-		row(n == 1 ? "G3 one missed pulse" : "G3 two missed pulses", detected_ns,
+		row(b, n == 1 ? "G3 one missed pulse" : "G3 two missed pulses", detected_ns,
 		    fault(b, BB_SYNC_MISSED)->cleared_ns - injected_ns - (int64_t)n * T_NS);
 		to_edge(b);
 	}
@@ -287,7 +283,7 @@ static void g4_lost_events(bool numbered, unsigned n)
 	assert_int_equal(b->untold, 1); /* the next one, alternating and in its place, is the tag */
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 	snprintf(name, sizeof(name), "G4 %u events lost, %s", n, numbered ? "numbered" : "inferred");
-	row(name, detected_ns, fault(b, BB_SYNC_OVERRUN)->cleared_ns - back_ns);
+	row(b, name, detected_ns, fault(b, BB_SYNC_OVERRUN)->cleared_ns - back_ns);
 	end(b);
 }
 
@@ -322,8 +318,8 @@ static void g5_drift_is_followed(void **state)
 		}
 		assert_true(sqrt(square) <= 0.02 * T_NS);
 		assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
-		row(ppm < 0 ? "G5 rate -100 ppm" : "G5 rate +100 ppm", detected_ns, 0);
-		printf("G5: rms phase error %.3f %% of a period, drift %.1f ppm\n", 100 * sqrt(square) / T_NS,
+		fault_row("G5", ppm < 0 ? "rate -100 ppm" : "rate +100 ppm", "(drift)", detected_ns, -1, 0);
+		printf("     rms phase error %.3f %% of a period, drift %.1f ppm\n", 100 * sqrt(square) / T_NS,
 		       b->lock->drift_ppm);
 	}
 	assert_int_equal(fault(b, BB_SYNC_JITTER)->n, 0);
@@ -352,7 +348,7 @@ static void g6_jitter_loses_nothing(void **state)
 	assert_int_equal(b->last.seq - seq, sim_line_edges(b->line) - real); /* not one frame slipped */
 	assert_int_equal(fault(b, BB_SYNC_LOST)->n + fault(b, BB_SYNC_GLITCH)->n + fault(b, BB_SYNC_RATE)->n, 0);
 	assert_int_equal(b->untold, 0);
-	row("G6 jitter +-20 % for 1 s", detected_ns, fault(b, BB_SYNC_JITTER)->cleared_ns - ended_ns);
+	row(b, "G6 jitter +-20 % for 1 s", detected_ns, fault(b, BB_SYNC_JITTER)->cleared_ns - ended_ns);
 	end(b);
 }
 
@@ -375,7 +371,7 @@ static void g7_another_rate(uint32_t hz)
 	assert_true(!fault(b, BB_SYNC_RATE)->set && relocked_ns <= BB_NS_PER_S);
 	assert_true(fabs(b->lock->period_ns * hz - 1e9) < 1e9 * 1e-4);
 	snprintf(name, sizeof(name), "G7 120 to %u Hz", hz);
-	row(name, detected_ns, relocked_ns);
+	row(b, name, detected_ns, relocked_ns);
 	run(b, 3 * BB_NS_PER_S);
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_DEGRADED); /* it is not what the room says */
 	assert_false(sim_line_out(b->line));
@@ -385,7 +381,7 @@ static void g7_another_rate(uint32_t hz)
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 	assert_true(sim_line_out(b->line));
 	snprintf(name, sizeof(name), "G7 %u to 120 Hz", hz);
-	row(name, fault(b, BB_SYNC_RATE)->set_ns - injected_ns, fault(b, BB_SYNC_RATE)->cleared_ns - injected_ns);
+	row(b, name, fault(b, BB_SYNC_RATE)->set_ns - injected_ns, fault(b, BB_SYNC_RATE)->cleared_ns - injected_ns);
 	end(b);
 }
 
@@ -413,7 +409,7 @@ static void g8_inverted_eyes(int64_t after_ns)
 	run(b, 300 * MS);
 	assert_true(b->untold <= 2);
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
-	row(after_ns ? "G8 eyes inverted within a frame" : "G8 eyes inverted at an edge", detected_ns,
+	row(b, after_ns ? "G8 eyes inverted within a frame" : "G8 eyes inverted at an edge", detected_ns,
 	    fault(b, BB_SYNC_SWAP)->cleared_ns - injected_ns);
 	end(b);
 }
@@ -452,7 +448,7 @@ static void g9_the_chip_vanishes(int os_errno, const char *says)
 	assert_int_equal(bb_shutter_gpio_health(b->sh), BB_HEALTH_OK);
 	assert_true(sim_line_out(b->line));
 	snprintf(name, sizeof(name), "G9 chip gone, then %s", strerror(os_errno));
-	row(name, detected_ns, fault(b, BB_SYNC_LOST)->cleared_ns - ended_ns);
+	row(b, name, detected_ns, fault(b, BB_SYNC_LOST)->cleared_ns - ended_ns);
 	assert_true(fault(b, BB_SYNC_GONE)->cleared_ns - ended_ns <= 6 * BB_NS_PER_S); /* back-off ends at 5 s +-20 % */
 	end(b);
 }
@@ -512,7 +508,7 @@ static void g9_a_line_that_cannot_be_had_says_why(void **state)
 		first = b.sh;
 		assert_int_equal(open_driver(&b), BB_ERR_BUSY);
 		assert_non_null(strstr(b.said, "BB1541"));
-		row(want[i].os_errno == EACCES ? "G9 EACCES on open" : "G9 ENOENT on open", 0, 0);
+		fault_row("G9", want[i].os_errno == EACCES ? "EACCES on open" : "ENOENT on open", number, 0, 0, 0);
 		bb_shutter_close(first);
 		sim_line_destroy(b.line);
 		bb_clock_destroy(b.clk);
@@ -537,15 +533,6 @@ static void a_bad_uri_is_refused(void **state)
 	bb_clock_destroy(b.clk);
 }
 
-static int print_table(void **state)
-{
-	(void)state;
-	printf("%-36s %-9s %14s %14s\n", "row", "injected", "detected (ms)", "recovered (ms)");
-	for (size_t i = 0; i < n_rows; i++)
-		printf("%-36s %-9s %14.3f %14.3f\n", table[i].name, "yes", table[i].detected_ms, table[i].recovered_ms);
-	return 0;
-}
-
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -564,5 +551,5 @@ int main(void)
 		cmocka_unit_test(a_bad_uri_is_refused),
 	};
 
-	return cmocka_run_group_tests_name("faults: GPIO sync line", tests, NULL, print_table);
+	return cmocka_run_group_tests_name("faults: GPIO sync line", tests, NULL, NULL);
 }

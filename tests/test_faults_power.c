@@ -4,6 +4,7 @@
  * the matrix shrink with the time-outs (P1 3 s to poll + 200 ms, P4 3 s to 600 ms + one time-out), are printed, and
  * asserted at five times their length as a guard against a busy machine.
  */
+#include "tests/fault_table.h"
 #include "tests/modbus_rig.h"
 
 #define OPTIONS "&timeout_least_ms=60&timeout_most_ms=200&poll_ms=40&half_open_ms=600&relay_ms=20"
@@ -102,8 +103,8 @@ static double recovered(struct bed *b, int64_t budget_ms)
 static void row(const char *name, const char *injected, enum power_modbus_fault fault, double detected_ms,
                 int64_t budget_ms, double recovered_ms)
 {
-	print_message("%-4s %-34s %-14s detected %7.1f ms (budget %4lld)  recovered %7.1f ms\n", name, injected,
-	              power_modbus_fault_text(fault), detected_ms, (long long)budget_ms, recovered_ms);
+	fault_row(name, injected, power_modbus_fault_text(fault), (int64_t)(detected_ms * 1e6), budget_ms * WIRE_MS,
+	          (int64_t)(recovered_ms * 1e6));
 }
 
 struct simple { /* a fault that is set, noticed, cleared and recovered from */
@@ -180,7 +181,7 @@ static void test_every_exception(void **state)
 		modbus_rig_fault(b.rig, "exception", "code", value, true);
 		const double detected_ms = noticed(&b, POWER_MODBUS_EXCEPTION, 0, POLL_MS + MOST_MS);
 		assert_non_null(strstr(report(&b).text, text));
-		print_message("P3   %-34s %-14s detected %7.1f ms (budget %4d)\n", text, "EXCEPTION", detected_ms, POLL_MS + MOST_MS);
+		fault_row("P3", text, "EXCEPTION", (int64_t)(detected_ms * 1e6), (POLL_MS + MOST_MS) * WIRE_MS, 0);
 		end(&b);
 	}
 }

@@ -647,6 +647,8 @@ static enum bb_status read_gamepad(struct room_build *b, const struct bb_yaml_no
 		status = room_check_device(b, entry, g->device);
 	if (!status && *g->script && !bb_path_is_tame(g->script))
 		status = bb_yaml_fail(&b->r, 1204, bb_yaml_get(entry, "script"), "'%.80s'", g->script);
+	if (!status)
+		bb_path_settle(g->script, sizeof(g->script), room->path);
 	for (size_t i = 0; i < room->n_gamepads && !status; i++)
 		if (!strcmp(room->gamepads[i].id, g->id))
 			status = bb_yaml_fail(&b->r, 1105, entry, "gamepad '%s'", g->id);

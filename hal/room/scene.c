@@ -185,12 +185,13 @@ static const struct bb_yaml_branch top_branches[] = {
 	{ "pictures", read_pictures, false }, { NULL, NULL, false },
 };
 
-static enum bb_status check_paths(struct bb_reader *r, const struct bb_yaml_node *root, const struct bb_scene *s)
+static enum bb_status check_paths(struct bb_reader *r, const struct bb_yaml_node *root, struct bb_scene *s)
 {
 	const struct bb_yaml_node *data = bb_yaml_get(root, "data");
 	const struct {
 		const struct bb_yaml_node *map;
-		const char *key, *text;
+		const char *key;
+		char *text;
 	} all[] = {
 		{ data, "file", s->data.file },
 		{ root, "transfer_function", s->transfer_function },
@@ -201,10 +202,12 @@ static enum bb_status check_paths(struct bb_reader *r, const struct bb_yaml_node
 	for (size_t i = 0; i < BB_ARRAY_LEN(all); i++)
 		if (*all[i].text && !bb_path_is_tame(all[i].text))
 			return bb_yaml_fail(r, 1204, bb_yaml_get(all[i].map, all[i].key), "%s: '%.80s'", all[i].key, all[i].text);
+	for (size_t i = 0; i < BB_ARRAY_LEN(all); i++)
+		bb_path_settle(all[i].text, BB_PATH_MAX_BYTES, s->path);
 	return BB_OK;
 }
 
-static enum bb_status check_whole(struct bb_reader *r, const struct bb_yaml_node *root, const struct bb_scene *s)
+static enum bb_status check_whole(struct bb_reader *r, const struct bb_yaml_node *root, struct bb_scene *s)
 {
 	const bool volume = s->technique == BB_TECHNIQUE_VOLUME;
 

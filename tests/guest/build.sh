@@ -165,6 +165,7 @@ copy_tools() {
 	for rules in 50-udev-default 60-input-id 60-evdev 80-drivers; do
 		cp "/usr/lib/udev/rules.d/$rules.rules" "$root/usr/lib/udev/rules.d/"
 	done
+	cp drivers/70-blackburst.rules "$root/usr/lib/udev/rules.d/"
 	echo 'root:x:0:0:root:/tmp:/usr/bin/busybox' >"$root/etc/passwd"
 	{ echo root; sed -n 's/.*GROUP="\([a-z]*\)".*/\1/p' "$root"/usr/lib/udev/rules.d/*.rules; } | LC_ALL=C sort -u |
 		awk '{ print $1 ":x:" ($1 == "root" ? 0 : 100 + NR) ":" }' >"$root/etc/group"
