@@ -4,10 +4,11 @@
  * the reason. Writes a record of what was found and how it went. Real time.
  *
  * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--standin]
- * Nothing is switched unless it is named. --standin shortens the safety times 600 times, and is refused for a device
- * that is neither on loopback nor on a pty: behind those are no lamps.
+ * Nothing is switched unless it is named. --standin shortens the safety times 600 times and leaves eyes no rest, and is
+ * refused for a device that is neither on loopback nor on a pty nor on a virtual CAN: behind those are no lamps.
  */
 #include "tests/power_contract.h"
+#include "tests/shutter_contract.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -35,6 +36,8 @@ struct hw {
 		char name[96], reason[160], found[160];
 		struct bb_power_config power;
 		void (*check)(struct power_bench *);
+		void (*shutter_check)(struct shutter_bench *);
+		CMUnitTestFunction test; /* NULL: check_power */
 		const char *result;
 	} row[ROWS_MAX];
 };
@@ -122,6 +125,8 @@ static struct row *add_row(struct hw *hw, const char *class_name, const char *id
 	return row;
 }
 
+#include "tests/hw_shutter.h"
+
 static bool may_switch(const struct hw *hw, const char *id)
 {
 	for (size_t i = 0; i < hw->n_switches; i++)
@@ -195,7 +200,10 @@ static void collect(struct hw *hw)
 	const struct bb_room *r = hw->room;
 	size_t n_real;
 
-	skip_class(hw, "shutter", r->has_chain, r->has_chain && !simulated(r->chain.device));
+	if (r->has_chain && !simulated(r->chain.device))
+		hw_add_shutter(hw);
+	else
+		skip_class(hw, "shutter", r->has_chain, 0);
 	COUNT_REAL(r->cameras, r->n_cameras, n_real);
 	skip_class(hw, "camera", r->n_cameras, n_real);
 	COUNT_REAL(&r->screens[0].display, r->n_screens ? 1 : 0, n_real);
@@ -276,6 +284,12 @@ static bool read_arguments(struct hw *hw, int argc, char **argv)
 
 static bool standin_is_one(const struct hw *hw)
 {
+	const struct bb_room *r = hw->room;
+
+	if (hw->standin && r->has_chain && !simulated(r->chain.device) && !hw_shutter_harmless(r->chain.device)) {
+		fprintf(stderr, "hw_room: --standin, but the chain is %s\n", r->chain.device);
+		return false;
+	}
 	for (size_t i = 0; hw->standin && i < hw->room->n_pdus; i++)
 		if (!simulated(hw->room->pdus[i].device) && !harmless(hw->room->pdus[i].device)) {
 			fprintf(stderr, "hw_room: --standin, but %s is %s\n", hw->room->pdus[i].id, hw->room->pdus[i].device);
@@ -298,7 +312,8 @@ int main(int argc, char **argv)
 	} else if (standin_is_one(hw) && bb_clock_posix_create(&hw->clk) == BB_OK) {
 		collect(hw);
 		for (size_t i = 0; i < hw->n_rows; i++)
-			tests[i] = (struct CMUnitTest){ hw->row[i].name, check_power, NULL, NULL, &hw->row[i] };
+			tests[i] = (struct CMUnitTest){ hw->row[i].name, hw->row[i].test ? hw->row[i].test : check_power, NULL, NULL,
+				                         &hw->row[i] };
 		const int failed = _cmocka_run_group_tests("room", tests, hw->n_rows, NULL, NULL);
 		code = write_record(hw);
 		code = code ? code : failed != 0;

@@ -26,6 +26,7 @@ struct shutter_bench {
 	struct bb_clock *clk;
 	const struct bb_shutter_config *config; /* as it was opened */
 	double scale;   /* how long to look, as a part of what costs nothing on the virtual clock */
+	int64_t rest_ns; /* what people's eyes are owed between two changes of mode; 0 where nobody looks */
 	int64_t gap_ns; /* an edge is told at most so long after it was; 0 where nobody waits for anything */
 	void (*silence)(struct shutter_bench *t, uint32_t edges); /* the world's: from the next edge on so many do not come */
 	/* The last switch of the glasses as it was: the eye, and when if at_ns is not -1. NULL: nobody knows. */
@@ -96,7 +97,14 @@ static inline void shutter_collect(struct shutter_bench *t, int64_t for_ns)
 
 static inline void shutter_stereo(struct shutter_bench *t)
 {
+	shutter_collect(t, t->rest_ns);
 	assert_int_equal(bb_shutter_set_mode(t->sh, BB_SHUTTER_STEREO), BB_OK);
+}
+
+static inline void shutter_open_eyes(struct shutter_bench *t)
+{
+	shutter_collect(t, t->rest_ns);
+	assert_int_equal(bb_shutter_set_mode(t->sh, BB_SHUTTER_OPEN), BB_OK);
 }
 
 static inline void shutter_limits_hold(struct shutter_bench *t)
@@ -237,7 +245,7 @@ static inline void shutter_open_stops(struct shutter_bench *t)
 	shutter_stereo(t);
 	shutter_collect(t, 100 * SHUTTER_MS);
 	assert_true(t->n[first] >= least);
-	assert_int_equal(bb_shutter_set_mode(t->sh, BB_SHUTTER_OPEN), BB_OK);
+	shutter_open_eyes(t);
 	shutter_collect(t, 100 * SHUTTER_MS);
 	for (size_t s = 0; s < shutter_rows(t); s++)
 		assert_int_equal(t->n[s], 0);

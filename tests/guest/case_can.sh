@@ -1,7 +1,7 @@
 #!/usr/bin/dash
-# case_can.sh chain|sync|faults|hardware: in the guest, `blackburst serve` puts a room's chain on vcan0, and the shipped
+# case_can.sh chain|sync|faults|hw|hardware: in the guest, `blackburst serve` puts a room's chain on vcan0, and the shipped
 # driver drives it (can_chain). chain: phases at each switch, and candump writes down what is on the wire, for
-# judge_can_chain.sh; sync: phases with each SYNC; faults: C1 to C6 of the wire; hardware: what serve refuses, and then the
+# judge_can_chain.sh; sync: phases with each SYNC; faults: C1 to C6 of the wire; hw: check-hw on that chain; hardware: what serve refuses, and then the
 # same through two real controllers on one emulated bus.
 ip link add dev vcan0 type vcan && ip link set up vcan0 || exit 1
 cat >/tmp/room.yaml <<'END'
@@ -76,6 +76,16 @@ faults)
 	(sleep 27; ip link set vcan0 down; sleep 0.7; ip link set vcan0 up) &
 	can_chain "can:vcan0?node=1" 2 0.5 BABBLE NODE_LOST NODE_LOST SYNC_LATE SYNC_LATE STALE DUP_ID PROTO NODE BUS_OFF IF_DOWN
 	ended $?
+	;;
+hw)
+	serve vcan0
+	sed 's/chain: {/chain: {device: "can:vcan0?node=1", /' /tmp/room.yaml >/tmp/hw.yaml
+	hw_room /tmp/hw.yaml --standin --date 2026-01-01 --out /tmp/record 2>&1
+	code=$?
+	tr -d '\n' </tmp/record | tr -s ' '
+	echo
+	[ "$(grep -c '"result": "pass"' /tmp/record)" = 6 ] || code=1
+	ended $code
 	;;
 hardware)
 	refused 1531 vcan7
