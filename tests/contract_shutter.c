@@ -326,7 +326,7 @@ static int table(const char *name, bool chain)
 static void rungs_agree(void **state)
 {
 	(void)state;
-	const int lines = table("sync line", false), chains = table("chain", true);
+	const int lines = table("glasses", false), chains = table("shutter", true);
 	assert_int_equal(lines, 0);
 	assert_int_equal(chains, 0);
 }
