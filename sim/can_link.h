@@ -1,6 +1,6 @@
 /*
- * sim/can_link.h: puts the peers of a medium (sim/bus_sim_can.h) on a SocketCAN interface: what they say goes out of one
- * raw socket, which hears its own frames back with the kernel's stamp and so knows when each was sent. Nothing of
+ * sim/can_link.h: puts the peers of a medium (sim/bus_sim_can.h) on a SocketCAN interface: what they say goes out of
+ * one raw socket, which hears its own frames back with the kernel's stamp and so knows when each was sent. Nothing of
  * drivers/ is in here. One thread; nothing blocks. Linux.
  */
 #ifndef BB_SIM_CAN_LINK_H

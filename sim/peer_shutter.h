@@ -47,7 +47,7 @@ void sim_chain_late_sync(struct sim_chain *c, int64_t by_ns);          /* SYNC g
 void sim_chain_drop_sync(struct sim_chain *c, int n);                  /* the next n are not sent */
 void sim_chain_freeze(struct sim_chain *c, size_t position, bool on);  /* TPDO1 keeps its old counter */
 void sim_chain_power(struct sim_chain *c, size_t position, bool on);
-void sim_chain_miss(struct sim_chain *c, size_t position, int64_t n);  /* that many more edges do not arrive; < 0: fewer */
+void sim_chain_miss(struct sim_chain *c, size_t position, int64_t n);  /* so many more edges are missed; < 0: fewer */
 void sim_chain_flip(struct sim_chain *c, size_t position, bool on);    /* its eyes are swapped */
 void sim_chain_offset(struct sim_chain *c, size_t position, int64_t by_ns); /* it switches that much later */
 /* The same as fault verbs, the device a struct sim_chain: class "can" is the wire and the controllers on it, and

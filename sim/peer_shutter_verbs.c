@@ -1,4 +1,4 @@
-/* sim/peer_shutter_verbs.c: what can be done to a chain of controllers on a CAN, as fault verbs; see sim/peer_shutter.h. */
+/* sim/peer_shutter_verbs.c: what can be done to a chain on a CAN, as fault verbs; see sim/peer_shutter.h. */
 #include "sim/peer_shutter.h"
 #include "sim/verb_args.h"
 
@@ -165,9 +165,10 @@ static enum bb_status verb_bad_sync(void *device, const struct sim_fault_args *a
 
 static enum bb_status verb_bus_off(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
-	static const struct bb_can_frame off = { .id = CAN_CLASS_BUS_OFF | CAN_CLASS_COUNTERS, .error = true, .n_bytes = 8,
-		                                 .bytes = { [6] = 255 } };
-	static const struct bb_can_frame back = { .id = CAN_CLASS_RESTARTED | CAN_CLASS_COUNTERS, .error = true, .n_bytes = 8 };
+	static const struct bb_can_frame off = { .id = CAN_CLASS_BUS_OFF | CAN_CLASS_COUNTERS, .error = true,
+		                                 .n_bytes = 8, .bytes = { [6] = 255 } };
+	static const struct bb_can_frame back = { .id = CAN_CLASS_RESTARTED | CAN_CLASS_COUNTERS, .error = true,
+		                                  .n_bytes = 8 };
 
 	return inject(device, args, on ? &off : &back, err);
 }
@@ -185,7 +186,8 @@ const struct sim_verb sim_chain_can_verbs[] = {
 	  verb_emergency },
 	{ "twin", "", "somebody else beats as the host's node, 127", "", verb_twin },
 	{ "bad_sync", "", "a SYNC of three bytes", "", verb_bad_sync },
-	{ "bus_off", "", "error frames say that the host's controller left the bus, and that it is back", "", verb_bus_off },
+	{ "bus_off", "", "error frames say that the host's controller left the bus, then that it is back", "",
+	  verb_bus_off },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 
@@ -234,7 +236,8 @@ static enum bb_status verb_offset(void *device, const struct sim_fault_args *arg
 
 const struct sim_verb sim_chain_shutter_verbs[] = {
 	{ "miss", "[stage=ID] [n=N]", "n sync edges do not arrive (at one stage, or at all)", "n=3", verb_miss },
-	{ "flip_polarity", "[stage=ID]", "the eyes are swapped at one stage; without stage: in the glasses", "", verb_flip },
+	{ "flip_polarity", "[stage=ID]", "the eyes are swapped at one stage; without stage: in the glasses", "",
+	  verb_flip },
 	{ "stuck", "[stage=ID]", "the sync line stops toggling; after 100 ms the shutters open", "", verb_stuck },
 	{ "stage_offset", "stage=ID us=N", "a stage switches that much late", "stage=emitter us=900", verb_offset },
 	{ "unplug", "", "the chain is gone; the shutters open", "", verb_unplug },

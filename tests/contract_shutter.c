@@ -1,5 +1,5 @@
 /*
- * tests/contract_shutter.c: the shutter contract (tests/shutter_contract.h) over every back end, with tolerances from its
+ * tests/contract_shutter.c: the shutter contract (tests/shutter_contract.h) over every back end, tolerances from its
  * limits; the class's script on its rungs, as a table; then what only the simulated chain can be told. Rows of a kernel
  * run with BB_KERNEL=1, in the guest of tests/guest/, which has a chip of sim/kmod/ and an interface vcan0 for them.
  */
@@ -212,26 +212,30 @@ static void chain_sticks(struct shutter_bench *t, uint32_t edges)
 
 	stick(b, true);
 	b->unstick = (struct bb_timer){ .step = unstick };
-	assert_int_equal(bb_clock_arm(t->clk, &b->unstick, sim_world_sync_ns(b->rig.world, next) - shutter_period_ns(t) / 2),
-	                 BB_OK);
+	const int64_t end_ns = sim_world_sync_ns(b->rig.world, next) - shutter_period_ns(t) / 2;
+	assert_int_equal(bb_clock_arm(t->clk, &b->unstick, end_ns), BB_OK);
 }
 
+#define SIM .open = open_sim, .silence = world_says, .truth = light, .driver = &sim_shutter_driver
+#define LINE .open = open_gpio, .close = close_gpio, .silence = line_misses, .truth = line_level
+#define CHIP .open = open_gpio_kernel, .close = close_gpio_kernel, .silence = chip_misses, .truth = chip_eye
+#define CHAIN .open = open_can, .close = close_can, .silence = chain_sticks, .truth = chain_eye
+
 static const struct backend backends[] = {
-	{ "shutter: sim, fidelity 0", 0, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, "sim", "sim" },
-	{ "shutter: sim, fidelity 1", 1, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, NULL, NULL },
-	{ "shutter: sim, fidelity 2", 2, open_sim, NULL, world_says, light, &sim_shutter_driver, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, line without numbers", 0, open_gpio, close_gpio, line_misses, line_level, NULL, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, numbered line", 1, open_gpio, close_gpio, line_misses, line_level, NULL, true, NULL, "gpio driver + peer",
-	  NULL },
-	{ "shutter: CAN driver and peer, ideal", 0, open_can, close_can, chain_sticks, chain_eye, NULL, false, NULL, "CAN driver + peer",
-	  "CAN driver + peer" },
-	{ "shutter: CAN driver and peer", 1, open_can, close_can, chain_sticks, chain_eye, NULL, false, NULL, NULL, NULL },
-	{ "shutter: gpio driver, a kernel's chip", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, chip_eye, NULL, true, "",
-	  "gpio driver + kernel", NULL },
-	{ "shutter: gpio driver, a kernel's chip by libgpiod", 1, open_gpio_kernel, close_gpio_kernel, chip_misses, chip_eye, NULL, false,
-	  "&api=gpiod", NULL, NULL },
-	{ "shutter: CAN driver, a kernel's bus", 1, open_can, close_can, chain_sticks, chain_eye, NULL, false, "vcan0",
-	  "CAN driver + kernel", "CAN driver + kernel" },
+	{ .name = "shutter: sim, fidelity 0", .fidelity = 0, SIM, .line_rung = "sim", .chain_rung = "sim" },
+	{ .name = "shutter: sim, fidelity 1", .fidelity = 1, SIM },
+	{ .name = "shutter: sim, fidelity 2", .fidelity = 2, SIM },
+	{ .name = "shutter: gpio driver, line without numbers", .fidelity = 1, LINE },
+	{ .name = "shutter: gpio driver, numbered line", .fidelity = 1, LINE, .numbered = true,
+	  .line_rung = "gpio driver + peer" },
+	{ .name = "shutter: CAN driver and peer, ideal", .fidelity = 0, CHAIN, .line_rung = "CAN driver + peer",
+	  .chain_rung = "CAN driver + peer" },
+	{ .name = "shutter: CAN driver and peer", .fidelity = 1, CHAIN },
+	{ .name = "shutter: gpio driver, a kernel's chip", .fidelity = 1, CHIP, .kernel = "",
+	  .line_rung = "gpio driver + kernel" },
+	{ .name = "shutter: gpio driver, a kernel's chip by libgpiod", .fidelity = 1, CHIP, .kernel = "&api=gpiod" },
+	{ .name = "shutter: CAN driver, a kernel's bus", .fidelity = 1, CHAIN, .kernel = "vcan0",
+	  .line_rung = "CAN driver + kernel", .chain_rung = "CAN driver + kernel" },
 };
 
 static bool runs_here(const struct backend *b)
@@ -628,7 +632,8 @@ static void nonsense_is_refused(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		T(test_limits_hold), T(test_edges_alternate), T(test_truth_is_told), T(test_phase_moves), T(test_arguments_are_checked),
+		T(test_limits_hold), T(test_edges_alternate), T(test_truth_is_told), T(test_phase_moves),
+		T(test_arguments_are_checked),
 		T(test_open_stops), T(test_small_pieces_lose_nothing),
 	};
 	const struct CMUnitTest of_the_world[] = {

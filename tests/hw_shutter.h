@@ -1,6 +1,6 @@
 /*
- * tests/hw_shutter.h: the shutter contract against the chain of a room; a part of tests/hw_room.c. Between two changes of
- * mode passes the time that people's eyes are owed (hal/safety.h).
+ * tests/hw_shutter.h: the shutter contract against the chain of a room; a part of tests/hw_room.c. Between two changes
+ * of mode passes the time that people's eyes are owed (hal/safety.h).
  */
 #ifndef BB_TESTS_HW_SHUTTER_H
 #define BB_TESTS_HW_SHUTTER_H

@@ -1,7 +1,8 @@
 /*
- * tests/shutter_contract.h: what every shutter chain must do, as checks on an open one, and the script of the class for
- * tests/fidelity.h. Which back end it is, and whether time passes or is waited for, is the business of whoever opens the
- * bench: tests/contract_shutter.c for sims, wires and kernels, tests/hw_room.c for a room. A check begins with open eyes.
+ * tests/shutter_contract.h: what every shutter chain must do, as checks on an open one, and the script of the class
+ * for tests/fidelity.h. Which back end it is, and whether time passes or is waited for, is the business of whoever
+ * opens the bench: tests/contract_shutter.c for sims, wires and kernels, tests/hw_room.c for a room. A check begins with
+ * open eyes.
  */
 #ifndef BB_TESTS_SHUTTER_CONTRACT_H
 #define BB_TESTS_SHUTTER_CONTRACT_H
@@ -69,7 +70,7 @@ static inline int64_t shutter_wander_ns(const struct shutter_bench *t)
 	       (int64_t)(t->config->rate_error_ppm * 1e-6 * (double)shutter_period_ns(t)) + 2;
 }
 
-/* How many edges must be told within a time that begins with none, at least; and one more for each that is told late. */
+/* How many edges must be told within a time that begins with none, at least. */
 static inline size_t shutter_least(const struct shutter_bench *t, int64_t for_ns)
 {
 	return (size_t)((for_ns - t->gap_ns) / shutter_period_ns(t)) - 1;

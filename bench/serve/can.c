@@ -1,7 +1,7 @@
 /*
  * bench/serve/can.c: the shutter chain of a room on a CAN interface, as controllers of docs/shutter-od.md. A CAN has no
- * addresses of machines, so there is nothing to keep out; what must not be is that simulated controllers meet real ones:
- * an interface with a cable is refused unless it was said that it is meant.
+ * addresses of machines, so there is nothing to keep out; what must not be is that simulated controllers meet real
+ * ones: an interface with a cable is refused unless it was said that it is meant.
  */
 #include "bench/serve/serve.h"
 
@@ -42,7 +42,8 @@ static enum bb_status attach(struct bb_serve *s, void **state, struct bb_error *
 	if (!interface)
 		return BB_OK;
 	if (!s->room->has_chain || !bb_serve_simulated(s->room->chain.device))
-		return bb_fail(err, BB_ERR_CONFIG, 1573, NULL, "--can, but %s has no simulated shutter chain", s->room->path);
+		return bb_fail(err, BB_ERR_CONFIG, 1573, NULL, "--can, but %s has no simulated shutter chain",
+		               s->room->path);
 	*state = c = calloc(1, sizeof(*c));
 	if (!c || sim_can_create(s->clk, BITRATE, 1, &c->can) != BB_OK)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "--can %.20s", interface);

@@ -1,8 +1,8 @@
 /*
- * tests/guest/can_bus.c: can_bus NEAR FAR RESTART: drivers/bus_can.c on two CAN interfaces, which may be the same virtual
- * one: what is sent comes, with its stamp, to others only; what cannot be sent is refused; error frames are told; an
- * interface that is down or was taken away comes back without a new socket. RESTART is what restarting a controller that
- * is not off the bus gives: "unsupported" or "busy". Prints the way from the kernel's stamp to the reader.
+ * tests/guest/can_bus.c: can_bus NEAR FAR RESTART: drivers/bus_can.c on two CAN interfaces, which may be the same
+ * virtual one: what is sent comes, with its stamp, to others only; what cannot be sent is refused; error frames are
+ * told; an interface that is down or was taken away comes back without a new socket. RESTART is what restarting a
+ * controller that is not off the bus gives: "unsupported" or "busy". Prints the way from stamp to reader.
  */
 #include "tests/guest/measure.h"
 
@@ -56,7 +56,8 @@ static void frames_come_with_their_stamps(struct bb_can_bus *near, struct bb_can
 	struct bb_can_frame got;
 
 	for (int i = 0; i < ROUNDS; i++) {
-		struct bb_can_frame f = { .n_bytes = (uint8_t)(i % 9), .extended = i % 5 == 4, .remote = virtual && i % 7 == 6 }; /* QEMU loses what follows a remote frame */
+		struct bb_can_frame f = { .n_bytes = (uint8_t)(i % 9), .extended = i % 5 == 4 };
+		f.remote = virtual && i % 7 == 6; /* QEMU's controllers lose what follows a remote frame */
 		f.id = f.extended ? 0x1fffffffu - (uint32_t)i : (uint32_t)(i * 2 % 0x800);
 		for (int k = 0; k < f.n_bytes && !f.remote; k++)
 			f.bytes[k] = (uint8_t)(i * 31 + k);

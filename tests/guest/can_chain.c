@@ -1,8 +1,8 @@
 /*
  * tests/guest/can_chain.c: can_chain URI STAGES SECONDS [ALARM]...: a chain of shutter controllers through the shipped
- * driver, opened as a room would, and a second socket beside it that stamps what is on the wire. Prints what came as one
- * line of JSON: the kernel's stamp of a phase PDO against SYNC (pdo_type=1) or against the switch it tells of (254), and
- * how old an edge is when its user, who looks every millisecond, has it. Then waits for each ALARM, by its name in
+ * driver, opened as a room would, and a second socket beside it that stamps what is on the wire. Prints what came as
+ * one line of JSON: the kernel's stamp of a phase PDO against SYNC (pdo_type=1) or against the switch it tells of
+ * (254), and how old an edge is when its user, who looks every millisecond, has it. Then waits for each ALARM, by its name in
  * drivers/shutter_can.h, to be raised and over. Exit 0: every edge came, with its eye, and no alarm that was not named.
  */
 #include "tests/guest/measure.h"
@@ -191,9 +191,10 @@ static bool no_other_alarm(const struct watch *w, int n, char **names)
 
 static void print(const struct watch *w, bool good)
 {
-	printf("{\"program\": \"can_chain\", \"stages\": %d, \"syncs\": %llu, \"edges\": %llu, \"lost\": %llu, \"wrong_eyes\": %llu, "
-	       "\"phases\": %zu, \"worst_read_us\": %.1f", w->n_stages, (unsigned long long)w->syncs, (unsigned long long)w->edges,
-	       (unsigned long long)w->lost, (unsigned long long)w->wrong_eyes, w->n_pdo, (double)w->worst_read_ns * 1e-3);
+	printf("{\"program\": \"can_chain\", \"stages\": %d, \"syncs\": %llu, \"edges\": %llu, \"lost\": %llu, "
+	       "\"wrong_eyes\": %llu, \"phases\": %zu, \"worst_read_us\": %.1f",
+	       w->n_stages, (unsigned long long)w->syncs, (unsigned long long)w->edges, (unsigned long long)w->lost,
+	       (unsigned long long)w->wrong_eyes, w->n_pdo, (double)w->worst_read_ns * 1e-3);
 	print_latency(w->synchronous ? "sync_to_pdo" : "switch_to_pdo", to_pdo_ns, w->n_pdo);
 	print_latency("edge_to_user", to_user_ns, w->n_user);
 	printf(", \"pass\": %s}\n", good ? "true" : "false");

@@ -1,6 +1,6 @@
 /*
- * tests/guest/gpio_edges.c: gpio_edges URI SECONDS [HZ]: the edges of a GPIO line through the shipped driver for a time,
- * as one line of JSON: what came, what was lost, and how long an edge's stamp took to the reader. It waits on the
+ * tests/guest/gpio_edges.c: gpio_edges URI SECONDS [HZ]: the edges of a GPIO line through the shipped driver for a
+ * time, as one line of JSON: what came, what was lost, and how long an edge's stamp took to the reader. It waits on the
  * line's descriptor, as an event loop would; the latency is from the kernel's stamp to the return of the read.
  * Exit 0: every edge came, with its eye; 1: not; 77: there is no such line here.
  */
