@@ -1,8 +1,9 @@
 #!/usr/bin/dash
-# case_can.sh chain|sync|faults|hw|hardware: in the guest, `blackburst serve` puts a room's chain on vcan0, and the shipped
-# driver drives it (can_chain). chain: phases at each switch, and candump writes down what is on the wire, for
-# judge_can_chain.sh; sync: phases with each SYNC; faults: C1 to C6 of the wire; hw: check-hw on that chain; hardware: what serve refuses, and then the
-# same through two real controllers on one emulated bus.
+# case_can.sh chain|sync|faults|garbage|hw|hardware: in the guest, `blackburst serve` puts a room's chain on vcan0, and the
+# shipped driver drives it (can_chain). chain: phases at each switch, and candump writes down what is on the wire, for
+# judge_can_chain.sh; sync: phases with each SYNC; faults: C1 to C6 of the wire; garbage: random frames before the driver
+# comes, and once more while it works; hw: check-hw on that chain; hardware: what serve refuses, and then the same through
+# two real controllers on one emulated bus.
 ip link add dev vcan0 type vcan && ip link set up vcan0 || exit 1
 cat >/tmp/room.yaml <<'END'
 room: a chain
@@ -24,6 +25,18 @@ shutters:
   chain: {rate_hz: 120, stages: [front, left], stage_delay_us: 35, rate_error_ppm: 12, jitter_us: 1}
   emitter: {protocol: 3d-vision, offset_us: 3000}
 END
+
+garbage() { # FRAMES SEED: random frames, 5000 a second, one in eight of 29 bits, as candump writes them
+	awk -v n="$1" -v seed="$2" 'BEGIN {
+		srand(seed)
+		for (i = 0; i < n; i++) {
+			id = rand() < 0.125 ? sprintf("%08X", int(rand() * 536870912)) : sprintf("%03X", int(rand() * 2048))
+			data = ""
+			for (k = int(rand() * 9); k > 0; k--) data = data sprintf("%02X", int(rand() * 256))
+			printf "(%.6f) vcan0 %s#%s\n", i * 0.0002, id, data
+		}
+	}'
+}
 
 serve() { # ARGUMENTS...
 	: >/tmp/serve
@@ -75,6 +88,15 @@ faults)
 		--fault "at 25s can/chain bus_off for 0.2s"
 	(sleep 27; ip link set vcan0 down; sleep 0.7; ip link set vcan0 up) &
 	can_chain "can:vcan0?node=1" 2 0.5 BABBLE NODE_LOST NODE_LOST SYNC_LATE SYNC_LATE STALE DUP_ID PROTO NODE BUS_OFF IF_DOWN
+	ended $?
+	;;
+garbage)
+	serve vcan0
+	garbage 20000 7 >/tmp/before && garbage 5000 8 >/tmp/during && canplayer -I /tmp/before || exit 1
+	cansend vcan0 "000#8100" # every controller begins anew, whatever it was told
+	# Emergencies that nobody had stand until their node begins anew.
+	(sleep 4; canplayer -I /tmp/during; cansend vcan0 "000#8100") &
+	can_chain "can:vcan0?node=1" 2 2 any
 	ended $?
 	;;
 hw)
