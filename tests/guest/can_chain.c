@@ -260,8 +260,8 @@ int main(int argc, char **argv)
 	const uint64_t rows = (uint64_t)w.n_stages + 1, least = rows * (uint64_t)(seconds * 120 - 3);
 	bool good = w.edges >= least && w.n_pdo >= least && !w.lost && !w.wrong_eyes && w.untold <= rows &&
 	            w.worst_read_ns < bb_rate_period_ns(config.rate);
-	for (int i = 4; i < argc; i++)
-		good = (strcmp(argv[i], "any") ? await(&w, argv[i]) : await_any(&w)) && good;
+	for (int i = 4; i < argc && good; i++)
+		good = strcmp(argv[i], "any") ? await(&w, argv[i]) : await_any(&w);
 	good = no_other_alarm(&w, argc - 4, argv + 4) && good;
 	print(&w, good);
 	bb_shutter_close(w.sh);

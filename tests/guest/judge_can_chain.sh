@@ -5,7 +5,7 @@
 command -v tshark >/dev/null || { echo "tshark is not installed (packages-kernel.txt)"; exit 1; }
 log=$(mktemp)
 trap 'rm -f "$log" "$log.csv"' EXIT
-grep '^([0-9.]*) vcan0 ' >"$log"
+sed -n 's/^log: //p' | base64 -d | gunzip >"$log" && [ -s "$log" ] || { echo "there is no log of candump"; exit 1; }
 tshark -r "$log" -d can.subdissector,canopen -T fields -E separator=, -e frame.protocols -e can.id \
 	-e canopen.function_code -e canopen.node_id -e canopen.nmt_ctrl.cd -e canopen.nmt_ctrl.node_id -e canopen.nmt_guard.state \
 	-e canopen.sync.counter -e canopen.sdo.main_idx -e canopen.sdo.sub_idx -e canopen.sdo.data.bytes -e canopen.sdo.abort_code \
