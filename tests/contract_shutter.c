@@ -168,7 +168,7 @@ static enum bb_status open_can(struct bench *b, const struct bb_open *open)
 	(void)open;
 	assert_non_null(far);
 	b->peer = far;
-	b->t.sh = backend->kernel ? can_far_open_on(&b->rig, far, backend->kernel) : can_far_open(&b->rig, far);
+	b->t.sh = backend->kernel ? can_far_open_on(&b->rig, far, backend->kernel, CAN_NODE) : can_far_open(&b->rig, far);
 	return BB_OK;
 }
 
@@ -627,6 +627,34 @@ static void nonsense_is_refused(void **state)
 	assert_null(sh);
 }
 
+/* And what only a bus of a kernel can: all answer a question of fastscan at once, which comes through as one frame. */
+static void new_controllers_get_ids_on_a_kernels_bus(void **state)
+{
+	struct bench *b = calloc(1, sizeof(*b));
+	struct can_far far;
+	struct bb_shutter_can_node node;
+	unsigned places = 0;
+
+	(void)state;
+	assert_non_null(b);
+	assert_int_equal(bb_clock_posix_create(&b->rig.clk), BB_OK);
+	fixture_room_init(&b->rig.fix);
+	rig_world(&b->rig, 1, 1);
+	struct bb_shutter *sh = can_far_open_on(&b->rig, &far, "vcan0", CO_NODE_NONE);
+	for (size_t i = 0; i < STAGES; i++) {
+		assert_true(bb_shutter_can_node(sh, i, &node) && node.ready && node.position >= 0 && node.position < STAGES);
+		assert_int_equal(sim_chain_node(far.chain, (size_t)node.position)->stored_id, node.id);
+		places |= 1u << node.position;
+	}
+	assert_int_equal(places, (1 << STAGES) - 1);
+	print_message("%d new controllers found by fastscan and configured: %.0f ms\n", STAGES,
+	              (double)bb_clock_now_ns(b->rig.clk) * 1e-6);
+	bb_shutter_close(sh);
+	can_far_close(&far);
+	rig_done(&b->rig);
+	free(b);
+}
+
 #define T(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -655,6 +683,9 @@ int main(void)
 		if (backend->driver)
 			failed += cmocka_run_group_tests_name(backend->name, of_the_world, NULL, NULL);
 	}
+	const struct CMUnitTest kernel[] = { cmocka_unit_test(new_controllers_get_ids_on_a_kernels_bus) };
+	if (getenv("BB_KERNEL"))
+		failed += cmocka_run_group_tests_name("shutter: kernel", kernel, NULL, NULL);
 	const struct CMUnitTest fidelity[] = { cmocka_unit_test(rungs_agree) };
 	return failed + cmocka_run_group_tests_name("shutter: rungs", fidelity, NULL, NULL);
 }

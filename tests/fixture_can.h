@@ -80,7 +80,8 @@ static inline int64_t can_far_look(struct bb_timer *timer, int64_t scheduled_ns,
 }
 
 /* Both ends on an interface of this kernel: the driver's own socket, and one of the peers. Real time. */
-static inline struct bb_shutter *can_far_open_on(struct rig *rig, struct can_far *far, const char *interface)
+static inline struct bb_shutter *can_far_open_on(struct rig *rig, struct can_far *far, const char *interface,
+                                                 uint8_t node)
 {
 	struct bb_error err = { 0 };
 	struct bb_shutter *sh = NULL;
@@ -93,12 +94,12 @@ static inline struct bb_shutter *can_far_open_on(struct rig *rig, struct can_far
 		fail_msg("%s", err.text);
 	far->timer = (struct bb_timer){ .step = can_far_look };
 	assert_int_equal(bb_clock_arm(rig->clk, &far->timer, 0), BB_OK);
-	can_far_chain(rig, far, CAN_NODE);
-	snprintf(text, sizeof(text), "can:%s?node=%d", interface, CAN_NODE);
+	can_far_chain(rig, far, node);
+	snprintf(text, sizeof(text), "can:%s?node=%d&lss_ms=5", interface, CAN_NODE);
 	assert_int_equal(bb_uri_parse(text, &uri, NULL, &err), BB_OK);
 	const struct bb_open open = { .clk = rig->clk, .events = rig->log, .uri = &uri, .seed = rig->seed };
 	assert_int_equal(bb_shutter_open(&bb_shutter_can_driver, &rig->fix.room.chain, &open, &sh), BB_OK);
-	can_far_bring_up(rig, sh, 2 * BB_NS_PER_S);
+	can_far_bring_up(rig, sh, node == CO_NODE_NONE ? 20 * BB_NS_PER_S : 2 * BB_NS_PER_S);
 	return sh;
 }
 
