@@ -19,7 +19,7 @@ if command -v clang-tidy >/dev/null 2>&1; then
 	printf '%s\n' "$@" | xargs -P "$jobs" -n 1 sh -c '
 		case $1 in hal/status.c | hal/device.c) stubs= ;; *) stubs="-include tests/lint_stubs.h" ;; esac
 		clang-tidy --quiet "$1" -- -std=gnu11 -D_GNU_SOURCE -I. $stubs \
-			$(pkg-config --cflags yaml-0.1 jansson libpng cairo zlib libcrypto libusb-1.0 hidapi-hidraw libevdev 2>/dev/null) 2>/dev/null' sh >"$log" || found=1
+			$(pkg-config --cflags yaml-0.1 jansson libpng cairo zlib libcrypto libusb-1.0 hidapi-hidraw libevdev liblz4 libzstd 2>/dev/null) 2>/dev/null' sh >"$log" || found=1
 	cat "$log"
 	echo "lint: clang-tidy over $# files"
 else

@@ -7,6 +7,8 @@
 
 #include <math.h>
 
+#define CME_EDGE_MOST 1024 /* as bb_volume_generate refuses more */
+
 struct point {
 	double x, y, z;
 };
@@ -83,7 +85,7 @@ static double value_at(struct point p, double phase)
 	/* The noise flies with the shells. */
 	const double out = r > 0 ? phase * 0.62 / r : 0;
 	const struct point q = { p.x * (1 - 0.5 * out) * 5 + 17, p.y * (1 - 0.5 * out) * 5 + 31,
-		                 p.z * (1 - 0.5 * out) * 5 + 47 };
+				 p.z * (1 - 0.5 * out) * 5 + 47 };
 	const struct point fine = { q.x * 2.5, q.y * 2.5, q.z * 2.5 };
 	const double torn = 0.65 * noise(q) + 0.35 * noise(fine);
 	double clear = 1 - core; /* how much of the background still shows */
@@ -94,21 +96,33 @@ static double value_at(struct point p, double phase)
 	return 1 - clear;
 }
 
+void bb_cme_row(const uint32_t dim[3], uint32_t n_steps, uint32_t step, uint32_t z, uint32_t y, uint32_t x, uint32_t n,
+		double *out)
+{
+	const double phase = n_steps > 1 ? (double)step / ((double)n_steps - 1) : 0;
+	double middle[3], half[3];
+
+	for (int a = 0; a < 3; a++) {
+		half[a] = (double)dim[a] / 2;
+		middle[a] = ((double)dim[a] - 1) / 2;
+	}
+	const double py = ((double)y - middle[1]) / half[1], pz = ((double)z - middle[2]) / half[2];
+	for (uint32_t i = 0; i < n; i++)
+		out[i] = value_at((struct point){ ((double)(x + i) - middle[0]) / half[0], py, pz }, phase);
+}
+
 void bb_volume_fill_cme(struct bb_volume *v)
 {
-	const double half = (double)v->dim[0] / 2, middle = ((double)v->dim[0] - 1) / 2;
 	uint16_t *out = v->voxels;
+	double row[CME_EDGE_MOST];
 
 	v->least = 0;
 	v->most = 1;
-	for (uint32_t s = 0; s < v->n_steps; s++) {
-		const double phase = v->n_steps > 1 ? (double)s / ((double)v->n_steps - 1) : 0;
+	for (uint32_t s = 0; s < v->n_steps; s++)
 		for (uint32_t z = 0; z < v->dim[2]; z++)
-			for (uint32_t y = 0; y < v->dim[1]; y++)
-				for (uint32_t x = 0; x < v->dim[0]; x++) {
-					const struct point p = { ((double)x - middle) / half, ((double)y - middle) / half,
-						                 ((double)z - middle) / half };
-					*out++ = (uint16_t)(value_at(p, phase) * 65535 + 0.5);
-				}
-	}
+			for (uint32_t y = 0; y < v->dim[1]; y++) {
+				bb_cme_row(v->dim, v->n_steps, s, z, y, 0, v->dim[0], row);
+				for (uint32_t x = 0; x < v->dim[0]; x++)
+					*out++ = (uint16_t)(row[x] * 65535 + 0.5);
+			}
 }

@@ -74,6 +74,13 @@ static void convert(const struct bb_layout *l, const uint8_t *raw, size_t n, dou
 	}
 }
 
+void bb_voxels_convert(const struct bb_layout *l, uint8_t *raw, size_t n, double *value)
+{
+	if (l->big_endian != host_is_big_endian())
+		swap_samples(raw, n, bb_voxel_bytes(l->type));
+	convert(l, raw, n, value);
+}
+
 static enum bb_status skip(struct bb_bytes *bytes, struct slab *slab, uint64_t n, struct bb_error *err)
 {
 	while (n) {
@@ -107,9 +114,7 @@ static enum bb_status pass(struct bb_bytes *bytes, const struct bb_layout *l, ui
 		if (got < part * size)
 			return bb_fail(err, BB_ERR_FORMAT, 1406, &bytes->where, "%llu voxels are missing",
 			               (unsigned long long)(n - got / size));
-		if (l->big_endian != host_is_big_endian())
-			swap_samples(slab->raw, part, size);
-		convert(l, slab->raw, part, slab->value);
+		bb_voxels_convert(l, slab->raw, part, slab->value);
 		each(state, slab->value, part);
 		n -= part;
 	}
@@ -166,8 +171,8 @@ static enum bb_status check_tail(struct bb_bytes *bytes, struct slab *slab, stru
 	return BB_OK;
 }
 
-static enum bb_status count_voxels(const struct bb_bytes *bytes, const struct bb_layout *l, uint64_t *n_out,
-                                   struct bb_error *err)
+enum bb_status bb_voxels_count(const struct bb_bytes *bytes, const struct bb_layout *l, uint64_t *n_out,
+                               struct bb_error *err)
 {
 	uint64_t n = 1, n_bytes;
 
@@ -226,7 +231,7 @@ enum bb_status bb_volume_decode(struct bb_bytes *bytes, const struct bb_layout *
                                 struct bb_volume **out, struct bb_error *err)
 {
 	uint64_t n = 0;
-	enum bb_status status = count_voxels(bytes, layout, &n, err);
+	enum bb_status status = bb_voxels_count(bytes, layout, &n, err);
 
 	*out = NULL;
 	if (status)

@@ -130,13 +130,14 @@ static enum bb_status read_scale_and_offset(const struct header *h, struct bb_la
 	return BB_OK;
 }
 
-static enum bb_status read_header(struct bb_bytes *bytes, struct bb_layout *l, struct bb_error *err)
+enum bb_status bb_nifti_layout(struct bb_bytes *bytes, struct bb_layout *l, struct bb_error *err)
 {
 	uint8_t buf[HEADER_BYTES];
 	struct header h = { buf, false, &bytes->where };
 	size_t got;
 	enum bb_status status = bb_bytes_read(bytes, buf, sizeof(buf), &got, err);
 
+	*l = (struct bb_layout){ 0 };
 	if (status)
 		return status;
 	if (got < sizeof(buf))
@@ -157,13 +158,13 @@ static enum bb_status read_header(struct bb_bytes *bytes, struct bb_layout *l, s
 enum bb_status bb_volume_load_nifti(const char *path, uint64_t cap_bytes, struct bb_volume **out, struct bb_error *err)
 {
 	struct bb_bytes bytes;
-	struct bb_layout layout = { 0 };
+	struct bb_layout layout;
 	/* By content, not by name: a .nii that was packed without renaming is common. */
 	enum bb_status status = bb_bytes_open(path, BB_BYTES_MAY_BE_GZIP, &bytes, err);
 
 	if (status)
 		return status;
-	status = read_header(&bytes, &layout, err);
+	status = bb_nifti_layout(&bytes, &layout, err);
 	if (!status)
 		status = bb_volume_decode(&bytes, &layout, cap_bytes, out, err);
 	bb_bytes_close(&bytes);

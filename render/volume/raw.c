@@ -148,23 +148,34 @@ static enum bb_status read_header(const char *path, struct raw_header *h, struct
 	return status;
 }
 
-enum bb_status bb_volume_load_raw(const char *path, uint64_t cap_bytes, struct bb_volume **out, struct bb_error *err)
+enum bb_status bb_raw_layout(const char *path, struct bb_layout *out, char voxels[BB_PATH_MAX_BYTES],
+                             struct bb_error *err)
 {
 	struct raw_header h = { .layout = { .n_steps = 1, .spacing_mm = { 1, 1, 1 }, .slope = 1 } };
-	char voxels[BB_PATH_MAX_BYTES];
-	struct bb_bytes bytes;
-	enum bb_status status = read_header(path, &h, err);
+	const enum bb_status status = read_header(path, &h, err);
 
 	if (status)
 		return status;
 	const char *slash = strrchr(path, '/');
 	const int folder = slash ? (int)(slash - path) + 1 : 0;
-	if ((size_t)snprintf(voxels, sizeof(voxels), "%.*s%s", folder, path, h.file) >= sizeof(voxels))
+	if (snprintf(voxels, BB_PATH_MAX_BYTES, "%.*s%s", folder, path, h.file) >= BB_PATH_MAX_BYTES)
 		return bb_fail(err, BB_ERR_CONFIG, 1001, &(struct bb_where){ path, 0, 0 }, "the path is too long");
-	status = bb_bytes_open(voxels, BB_BYTES_NO_LINK, &bytes, err);
+	*out = h.layout;
+	return BB_OK;
+}
+
+enum bb_status bb_volume_load_raw(const char *path, uint64_t cap_bytes, struct bb_volume **out, struct bb_error *err)
+{
+	char voxels[BB_PATH_MAX_BYTES];
+	struct bb_layout layout;
+	struct bb_bytes bytes;
+	enum bb_status status = bb_raw_layout(path, &layout, voxels, err);
+
+	if (!status)
+		status = bb_bytes_open(voxels, BB_BYTES_NO_LINK, &bytes, err);
 	if (status)
 		return status;
-	status = bb_volume_decode(&bytes, &h.layout, cap_bytes, out, err);
+	status = bb_volume_decode(&bytes, &layout, cap_bytes, out, err);
 	bb_bytes_close(&bytes);
 	return status;
 }

@@ -41,6 +41,11 @@ struct bb_layout { /* how the voxels lie in the file; filled by a header parser,
 	double slope, intercept;
 	uint64_t offset_bytes;
 };
+/* n samples of the file at raw (overwritten when their bytes are the other way round) as values, scaled. */
+void bb_voxels_convert(const struct bb_layout *l, uint8_t *raw, size_t n, double *value);
+/* How many samples there are, when the file could hold them and the layout is one at all. 1404, 1406, 1410. */
+BB_MUST_CHECK enum bb_status bb_voxels_count(const struct bb_bytes *bytes, const struct bb_layout *l, uint64_t *n_out,
+                                             struct bb_error *err);
 /* Checks the layout against the file and the cap, then reads it in two passes: range, then voxels. */
 BB_MUST_CHECK enum bb_status bb_volume_decode(struct bb_bytes *bytes, const struct bb_layout *layout,
                                               uint64_t cap_bytes, struct bb_volume **out, struct bb_error *err);
@@ -50,7 +55,13 @@ BB_MUST_CHECK enum bb_status bb_volume_create(const int64_t dim[3], int64_t n_st
                                               const struct bb_where *where, struct bb_volume **out,
                                               struct bb_error *err);
 
-/* nifti.c, raw.c, cme.c */
+/* nifti.c, raw.c: the header only; voxels is the path of the file that has them. */
+BB_MUST_CHECK enum bb_status bb_nifti_layout(struct bb_bytes *bytes, struct bb_layout *out, struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_raw_layout(const char *path, struct bb_layout *out, char voxels[BB_PATH_MAX_BYTES],
+                                           struct bb_error *err);
+/* cme.c: n values of one row from x on, in 0 .. 1. */
+void bb_cme_row(const uint32_t dim[3], uint32_t n_steps, uint32_t step, uint32_t z, uint32_t y, uint32_t x, uint32_t n,
+                double *out);
 BB_MUST_CHECK enum bb_status bb_volume_load_nifti(const char *path, uint64_t cap_bytes, struct bb_volume **out,
                                                   struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_volume_load_raw(const char *path, uint64_t cap_bytes, struct bb_volume **out,

@@ -1,0 +1,246 @@
+/*
+ * render/bricks/build_slab.c: the voxels of a slab: read or taken from the scratch file, averaged over time, halved for
+ * the next level, which is also where the errors of parents against their spatial children are met.
+ */
+#include "render/bricks/build_private.h"
+#include "render/parallel.h"
+
+#include <float.h>
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+
+static pthread_mutex_t range_lock = PTHREAD_MUTEX_INITIALIZER;
+
+/* ---- the range of the data ---- */
+
+static void range_of_plane(void *ctx, size_t i, unsigned thread)
+{
+	struct bb_build *b = ctx;
+	const uint32_t *dim = b->h.tree.dim;
+	const size_t n = (size_t)dim[0] * dim[1];
+	float *plane = b->slab.values + thread * n;
+	float least = FLT_MAX, most = -FLT_MAX;
+	uint64_t bad = 0;
+
+	if (b->status || !bb_build_data(b, (uint32_t)(i / dim[2]), (uint32_t)(i % dim[2]), 0, dim[1], plane))
+		return;
+	for (size_t k = 0; k < n; k++) {
+		if (!isfinite(plane[k])) {
+			bad++;
+			continue;
+		}
+		least = plane[k] < least ? plane[k] : least;
+		most = plane[k] > most ? plane[k] : most;
+	}
+	pthread_mutex_lock(&range_lock);
+	b->h.n_nonfinite += bad;
+	b->h.least = fmin(b->h.least, (double)least);
+	b->h.most = fmax(b->h.most, (double)most);
+	pthread_mutex_unlock(&range_lock);
+}
+
+void bb_build_range(struct bb_build *b)
+{
+	const struct bb_tree *t = &b->h.tree;
+	const size_t n = (size_t)t->dim[0] * t->dim[1];
+
+	b->h.least = DBL_MAX;
+	b->h.most = -DBL_MAX;
+	b->slab.values = bb_build_alloc(b, b->config->threads * n, sizeof(float), "a plane for each thread");
+	if (b->slab.values)
+		bb_parallel(b->config->threads, (size_t)t->n_steps * t->dim[2], range_of_plane, b);
+	bb_build_release(b, b->slab.values, b->config->threads * n, sizeof(float));
+	b->slab.values = NULL;
+	if (b->h.least > b->h.most) /* nothing but NaN */
+		b->h.least = b->h.most = 0;
+}
+
+/* ---- filling ---- */
+
+struct filling {
+	struct bb_build *b;
+	uint32_t z_from, z_to; /* planes to add */
+};
+
+static uint64_t mend(float *v, size_t n, float least)
+{
+	uint64_t bad = 0;
+
+	for (size_t i = 0; i < n; i++)
+		if (!isfinite(v[i])) {
+			v[i] = least;
+			bad++;
+		}
+	return bad;
+}
+
+/* Where the voxels of new rows are among the bins: once, since each is compared many times. */
+static void place_rows(const struct bb_build *b, uint32_t tau, uint32_t z)
+{
+	const size_t n = (size_t)(b->slab.y_to - b->slab.y_from) * bb_build_row_floats(b);
+	const float *from = bb_build_row(b, tau, z, b->slab.y_from);
+	uint16_t *to = bb_build_places(b, tau, z, b->slab.y_from);
+
+	for (size_t k = 0; k < n; k++)
+		to[k] = bb_bin_place(&b->scale, from[k]);
+}
+
+static void read_step(void *ctx, size_t i, unsigned thread)
+{
+	const struct filling *f = ctx;
+	struct bb_build *b = f->b;
+	const uint32_t tau = b->leaf[i], rows = b->slab.y_to - b->slab.y_from;
+	uint64_t bad = 0;
+	(void)thread;
+
+	for (uint32_t z = f->z_from; z < f->z_to && !b->status; z++) {
+		float *to = bb_build_row(b, tau, z, b->slab.y_from);
+		if (!bb_build_data(b, (uint32_t)i, z, b->slab.y_from, rows, to))
+			return;
+		const size_t nx = bb_build_row_floats(b), before = (b->y * b->h.tree.edge - b->slab.y_from) * nx;
+		const uint32_t core = b->tile * b->h.tree.edge, here = rows - (uint32_t)(before / nx);
+		const size_t own = (core < here ? core : here) * nx; /* the others are counted with a neighbour */
+		(void)mend(to, before, (float)b->h.least);
+		bad += mend(to + before, own, (float)b->h.least);
+		(void)mend(to + before + own, rows * nx - before - own, (float)b->h.least);
+		place_rows(b, tau, z);
+	}
+	if (b->config->has_range) /* else bb_build_range has counted them */
+		__atomic_fetch_add(&b->h.n_nonfinite, bad, __ATOMIC_RELAXED);
+}
+
+/* Of a time node from its two children, row by row; children have larger numbers. */
+static void average_plane(void *ctx, size_t i, unsigned thread)
+{
+	const struct filling *f = ctx;
+	const struct bb_build *b = f->b;
+	const uint32_t z = f->z_from + (uint32_t)i;
+	const size_t n = (size_t)(b->slab.y_to - b->slab.y_from) * bb_build_row_floats(b);
+	(void)thread;
+
+	for (uint32_t tau = b->h.tree.n_times; tau-- > 0;) {
+		const struct bb_tree_span *s = &b->span[tau];
+		if (s->child[0] == BB_TREE_NONE)
+			continue;
+		const float *first = bb_build_row(b, s->child[0], z, b->slab.y_from);
+		const float *second = bb_build_row(b, s->child[1], z, b->slab.y_from);
+		const float share =
+			(float)(b->span[s->child[1]].to - b->span[s->child[1]].from) / (float)(s->to - s->from);
+		float *to = bb_build_row(b, tau, z, b->slab.y_from);
+		for (size_t k = 0; k < n; k++)
+			to[k] = first[k] + (second[k] - first[k]) * share; /* equal ones stay as they are */
+		place_rows(b, tau, z);
+	}
+}
+
+static void read_spill(void *ctx, size_t i, unsigned thread)
+{
+	const struct filling *f = ctx;
+	struct bb_build *b = f->b;
+	const uint32_t *v = b->h.tree.voxels[b->level], rows = b->slab.y_to - b->slab.y_from;
+	(void)thread;
+
+	for (uint32_t z = f->z_from; z < f->z_to && !b->status; z++) {
+		const uint64_t at = (((uint64_t)i * v[2] + z) * v[1] + b->slab.y_from) * v[0] * sizeof(float);
+		if (!bb_build_pread(b, b->spill[b->level % 2], bb_build_row(b, (uint32_t)i, z, b->slab.y_from),
+				    (size_t)rows * v[0] * sizeof(float), at))
+			return;
+		place_rows(b, (uint32_t)i, z);
+	}
+}
+
+/* The planes a unit needs and the ring does not have yet; a new column of units begins with an empty ring. */
+void bb_build_fill(struct bb_build *b)
+{
+	const struct bb_tree *t = &b->h.tree;
+	const uint32_t *v = t->voxels[b->level], pad = b->h.pad;
+	const uint32_t z0 = b->z * t->edge, y0 = b->y * t->edge, y1 = (b->y + b->tile) * t->edge + pad;
+	const uint32_t y_from = y0 > pad ? y0 - pad : 0, y_to = y1 < v[1] ? y1 : v[1];
+	const uint32_t z_from = z0 > pad ? z0 - pad : 0, z1 = z0 + t->edge + pad, z_to = z1 < v[2] ? z1 : v[2];
+	struct bb_build_slab *s = &b->slab;
+
+	if (s->y_from != y_from || s->y_to != y_to || s->z_to < z_from || !b->z)
+		s->z_from = s->z_to = z_from;
+	s->y_from = y_from;
+	s->y_to = y_to;
+	struct filling f = { b, s->z_to, z_to };
+	s->z_from = z_from;
+	s->z_to = z_to;
+	if (!bb_build_at_leaves(b)) {
+		bb_parallel(b->config->threads, t->n_times, read_spill, &f);
+		return;
+	}
+	bb_parallel(b->config->threads, t->n_steps, read_step, &f);
+	bb_parallel(b->config->threads, f.z_to - f.z_from, average_plane, &f);
+}
+
+/* ---- halving ---- */
+
+struct halving { /* up to four rows that become one */
+	const float *values[4];
+	const uint16_t *places[4];
+	size_t n;
+};
+
+/* The parents' bins meet each child. */
+static void halve_row(const struct bb_build *b, const struct halving *from, struct bb_bins *bins, float *to)
+{
+	const uint32_t nx = b->h.tree.voxels[b->level][0], edge = b->h.tree.edge;
+
+	for (uint32_t x = 0; x < nx; x += 2) {
+		const size_t n = x + 1 < nx ? 2 : 1;
+		float sum = 0;
+		for (size_t r = 0; r < from->n; r++)
+			for (size_t k = 0; k < n; k++)
+				sum += from->values[r][x + k];
+		const float mean = sum / (float)(n * from->n);
+		const uint16_t place = bb_bin_place(&b->scale, mean);
+		for (size_t r = 0; r < from->n; r++)
+			for (size_t k = 0; k < n; k++)
+				bb_bins_span(&bins[x / 2 / edge], place, from->places[r][x + k]);
+		to[x / 2] = mean;
+	}
+}
+
+static void halve_time(void *ctx, size_t i, unsigned thread)
+{
+	struct bb_build *b = ctx;
+	const struct bb_tree *t = &b->h.tree;
+	const uint32_t *v = t->voxels[b->level], *w = t->voxels[b->level - 1], *grid = t->grid[b->level - 1];
+	const uint32_t z0 = b->z * t->edge, y0 = b->y * t->edge;
+	const uint32_t z1 = z0 + t->edge < v[2] ? z0 + t->edge : v[2];
+	const uint32_t y1 = y0 + b->tile * t->edge < v[1] ? y0 + b->tile * t->edge : v[1];
+	const uint32_t tau = (uint32_t)i;
+	float *rows = malloc(((size_t)(y1 - y0) / 2 + 1) * w[0] * sizeof(float));
+	(void)thread;
+
+	if (!rows) {
+		bb_build_fail(b, BB_ERR_NOMEM, 1702, "rows of the next level");
+		return;
+	}
+	for (uint32_t z = z0; z < z1; z += 2) {
+		for (uint32_t y = y0; y < y1; y += 2) {
+			struct halving from = { .n = 0 };
+			for (uint32_t dz = 0; dz < 2 && z + dz < z1; dz++)
+				for (uint32_t dy = 0; dy < 2 && y + dy < y1; dy++, from.n++) {
+					from.values[from.n] = bb_build_row(b, tau, z + dz, y + dy);
+					from.places[from.n] = bb_build_places(b, tau, z + dz, y + dy);
+				}
+			struct bb_bins *bins = b->space_above + (size_t)tau * b->n_above +
+					       ((size_t)(z / 2 / t->edge) * grid[1] + y / 2 / t->edge) * grid[0];
+			halve_row(b, &from, bins, rows + (size_t)((y - y0) / 2) * w[0]);
+		}
+		const uint64_t at = (((uint64_t)tau * w[2] + z / 2) * w[1] + y0 / 2) * w[0] * sizeof(float);
+		if (!bb_build_pwrite(b, b->spill[(b->level - 1) % 2], rows,
+				     (size_t)(y1 - y0 + 1) / 2 * w[0] * sizeof(float), at))
+			break;
+	}
+	free(rows);
+}
+
+void bb_build_halve(struct bb_build *b)
+{
+	if (b->level)
+		bb_parallel(b->config->threads, b->h.tree.n_times, halve_time, b);
+}

@@ -1,0 +1,37 @@
+/*
+ * render/bricks/gain.h: what it gains to show a brick's children instead of it, from its histograms and a transfer
+ * function (Carlsson and Tjernstroem 2016, section 3.3). An edit of the transfer function costs one pass over the
+ * histograms.
+ *
+ * opacity      sum of opacity times values, for either split (eq. 3.4)
+ * leaf error   how much of the error against the leaves goes away (eq. 3.8), error as in eq. 3.6 and 3.7
+ * child error  the error against the spatial, or temporal, children (eq. 3.9)
+ *
+ * A split in space takes eight bricks for one, in time two, so gains are divided by these numbers. (Equations 3.2
+ * and 3.3 of the source have the two divisors the other way round, against their own text: a split in time is the
+ * cheaper one.)
+ */
+#ifndef BB_RENDER_BRICKS_GAIN_H
+#define BB_RENDER_BRICKS_GAIN_H
+
+#include "render/bricks/bricks.h"
+#include "render/bricks/metric.h"
+
+enum bb_gain_method { BB_GAIN_OPACITY, BB_GAIN_LEAF, BB_GAIN_CHILD, BB_GAIN_METHODS };
+const char *bb_gain_method_text(enum bb_gain_method method);
+
+/* Weight of each bin: how visible its values are, and how fast the picture changes there (eq. 3.7). */
+struct bb_gain_weights {
+	float opacity[BB_STATS_BINS], change[BB_STATS_BINS];
+};
+void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out);
+
+/*
+ * Split points of all bricks, [n_bricks]; -1: there is nothing to split into. work: [n_bricks], of no use afterwards.
+ * Errors as of bb_bricks_histograms.
+ */
+BB_MUST_CHECK enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_weights *w,
+					    enum bb_gain_method method, float *space, float *time, float *work,
+					    struct bb_error *err);
+
+#endif

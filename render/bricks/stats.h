@@ -1,0 +1,111 @@
+/*
+ * render/bricks/stats.h: what a brick knows of the voxels it stands for: moments (Welford 1962 within a brick, merged
+ * pairwise as Chan, Golub and LeVeque 1983: a sum of squares loses every digit when the mean is large) and histograms.
+ *
+ * A value histogram counts voxels. An error histogram (Carlsson and Tjernstroem 2016, section 3.3.9) has, for each
+ * voxel A that is shown as B, the bins between A and B raised by one, the outer two by the part of them that lies
+ * between. Both are over the whole range of the data, and are kept as parts of their number of voxels, 65535 being all.
+ */
+#ifndef BB_RENDER_BRICKS_STATS_H
+#define BB_RENDER_BRICKS_STATS_H
+
+#include "hal/base.h"
+
+#define BB_STATS_BINS 64
+
+struct bb_moments {
+	double n, mean, m2; /* number, mean, sum of squared distances from it */
+	float least, most;
+	double time_dev, time_cov; /* means over voxels of one voxel's deviation over time and of that / mean (eq. 6 of
+				    * Ellsworth, Chiang and Shen 2000); 0 in a single step */
+};
+
+/* Of n values; finite ones. */
+void bb_moments_of(const float *v, size_t n, struct bb_moments *out);
+/* out takes in b. */
+void bb_moments_merge(struct bb_moments *out, const struct bb_moments *b);
+double bb_moments_deviation(const struct bb_moments *m);
+/*
+ * deviation / |mean|, the coefficient of variation, with the mean kept away from zero by a thousandth of the data's
+ * range: data around zero would be infinitely uneven, and an all-zero brick undefined.
+ */
+double bb_moments_cov(const struct bb_moments *m, double range);
+
+/*
+ * A value's place among the bins, in 256ths of one: 0 .. BB_STATS_PLACES. All places of a brick are made once and
+ * compared often, so they are whole numbers.
+ */
+#define BB_STATS_PLACES (BB_STATS_BINS * 256)
+
+struct bb_bin_scale {
+	float least, per_bin; /* 256ths of a bin for each unit */
+};
+struct bb_bin_scale bb_bin_scale(double least, double most);
+
+static inline uint16_t bb_bin_place(const struct bb_bin_scale *s, float v)
+{
+	const float at = (v - s->least) * s->per_bin;
+	const float most = BB_STATS_PLACES;
+
+	return (uint16_t)(at > 0 ? (at < most ? at : most) : 0);
+}
+
+/* Bins being filled: the stretch from the first bin to a place is the part of its own bin and one for all bins below.
+ */
+struct bb_bins {
+	struct {
+		int64_t part, below;
+	} at[BB_STATS_BINS + 1];
+};
+
+/* The bins between two places, in O(1) and without a branch: up to the higher one less up to the lower one. */
+static inline void bb_bins_span(struct bb_bins *b, uint16_t from, uint16_t to)
+{
+	const unsigned low = from < to ? from : to, high = from < to ? to : from;
+
+	b->at[high / 256].part += high % 256;
+	b->at[high / 256].below++;
+	b->at[low / 256].part -= low % 256;
+	b->at[low / 256].below--;
+}
+
+/*
+ * n pairs of places. Neighbours often fall into one bin, and an addition that waits for the one before takes five times
+ * as long, so every second pair goes to bins of its own.
+ */
+static inline void bb_bins_spans(struct bb_bins b[2], const uint16_t *from, const uint16_t *to, size_t n)
+{
+	size_t i = 0;
+
+	for (; i + 1 < n; i += 2) {
+		bb_bins_span(&b[0], from[i], to[i]);
+		bb_bins_span(&b[1], from[i + 1], to[i + 1]);
+	}
+	if (i < n)
+		bb_bins_span(&b[0], from[i], to[i]);
+}
+void bb_bins_join(struct bb_bins b[2]); /* the second into the first, and empties it */
+
+static inline void bb_bins_count(uint32_t counts[BB_STATS_BINS], uint16_t place)
+{
+	const unsigned i = place / 256u;
+
+	counts[i < BB_STATS_BINS ? i : BB_STATS_BINS - 1]++;
+}
+void bb_counts_close(const uint32_t counts[BB_STATS_BINS], double n, uint16_t out[BB_STATS_BINS]);
+
+/* As parts of n voxels, 65535 each being all of them. */
+void bb_bins_close(const struct bb_bins *b, double n, uint16_t out[BB_STATS_BINS]);
+/* The mean of histograms of na and nb voxels, into out, which may be one of them. */
+void bb_histogram_merge(const uint16_t *a, double na, const uint16_t *b, double nb, uint16_t *out);
+
+/*
+ * Histograms as bytes: the differences of neighbours, small ones in a byte, runs of nothing in one; at most
+ * BB_HISTOGRAM_CODED_MOST. Returns how many.
+ */
+#define BB_HISTOGRAM_CODED_MOST (3 * BB_STATS_BINS)
+size_t bb_histogram_encode(const uint16_t h[BB_STATS_BINS], uint8_t *out);
+/* Of n bytes; returns how many it took, 0 when they are no histogram. */
+size_t bb_histogram_decode(const uint8_t *bytes, size_t n, uint16_t out[BB_STATS_BINS]);
+
+#endif

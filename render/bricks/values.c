@@ -1,0 +1,120 @@
+#include "render/bricks/values.h"
+
+#include <lz4.h>
+#include <string.h>
+#include <zstd.h>
+
+#define ZSTD_LEVEL 3
+
+/* To the nearest half, ties to even, of a value in 0..1 (IEEE 754 binary16). */
+static uint16_t to_half(float v)
+{
+	uint32_t bits;
+
+	if (!(v > 0))
+		return 0;
+	if (v < 0x1p-14f) /* denormal: units of 2^-24 */
+		return (uint16_t)(v * 0x1p24f + 0.5f);
+	memcpy(&bits, &v, 4);
+	bits += 0xFFF + (bits >> 13 & 1);
+	return (uint16_t)((bits >> 13) - (112u << 10));
+}
+
+static float from_half(uint16_t h)
+{
+	const uint32_t bits = ((uint32_t)(h & 0x7FFF) << 13) + (112u << 23);
+	float v;
+
+	if (!(h & 0x7C00))
+		return (float)(h & 0x3FF) * 0x1p-24f;
+	memcpy(&v, &bits, 4);
+	return v;
+}
+
+static float part_of(const struct bb_bricks_header *h, float v)
+{
+	const double span = h->most - h->least, part = span > 0 ? ((double)v - h->least) / span : 0;
+
+	return (float)(part > 0 ? (part < 1 ? part : 1) : 0);
+}
+
+void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n, uint8_t *out)
+{
+	switch (h->type) {
+	case BB_BRICK_U8:
+		for (size_t i = 0; i < n; i++)
+			out[i] = (uint8_t)(part_of(h, v[i]) * 255 + 0.5f);
+		return;
+	case BB_BRICK_U16:
+	case BB_BRICK_F16:
+		for (size_t i = 0; i < n; i++) {
+			const float part = part_of(h, v[i]);
+			const uint16_t q = h->type == BB_BRICK_F16 ? to_half(part) : (uint16_t)(part * 65535 + 0.5f);
+			out[2 * i] = (uint8_t)(q & 0xff);
+			out[2 * i + 1] = (uint8_t)(q >> 8);
+		}
+		return;
+	case BB_BRICK_F32:
+	case BB_BRICK_TYPES:
+		memcpy(out, v, n * sizeof(float)); /* little-endian hosts only, as the sanity test of the build says */
+	}
+}
+
+void bb_values_load(const struct bb_bricks_header *h, const uint8_t *bytes, size_t n, float *out)
+{
+	const double span = h->most - h->least;
+
+	switch (h->type) {
+	case BB_BRICK_U8:
+		for (size_t i = 0; i < n; i++)
+			out[i] = (float)(h->least + bytes[i] * span / 255);
+		return;
+	case BB_BRICK_U16:
+	case BB_BRICK_F16:
+		for (size_t i = 0; i < n; i++) {
+			const uint16_t q = (uint16_t)(bytes[2 * i] | bytes[2 * i + 1] << 8);
+			out[i] = (float)(h->least +
+					 span * (h->type == BB_BRICK_F16 ? (double)from_half(q) : q / 65535.0));
+		}
+		return;
+	case BB_BRICK_F32:
+	case BB_BRICK_TYPES:
+		memcpy(out, bytes, n * sizeof(float));
+	}
+}
+
+size_t bb_values_packed_cap(enum bb_brick_codec codec, size_t n)
+{
+	return codec == BB_BRICK_LZ4    ? (size_t)LZ4_compressBound((int)n)
+	       : codec == BB_BRICK_ZSTD ? ZSTD_compressBound(n)
+					: n;
+}
+
+size_t bb_values_pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out)
+{
+	const size_t cap = bb_values_packed_cap(codec, n);
+
+	if (codec == BB_BRICK_LZ4) {
+		const int packed = LZ4_compress_default((const char *)from, (char *)out, (int)n, (int)cap);
+		return packed > 0 ? (size_t)packed : 0;
+	}
+	if (codec == BB_BRICK_ZSTD) {
+		const size_t packed = ZSTD_compress(out, cap, from, n, ZSTD_LEVEL);
+		return ZSTD_isError(packed) ? 0 : packed;
+	}
+	memcpy(out, from, n);
+	return n;
+}
+
+bool bb_values_unpack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
+{
+	if (codec == BB_BRICK_LZ4)
+		return n <= INT32_MAX &&
+		       LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
+	if (codec == BB_BRICK_ZSTD)
+		return ZSTD_decompress(out, n_out, from, n) == n_out;
+	if (n != n_out)
+		return false;
+	memcpy(out, from, n);
+	return true;
+}

@@ -1,0 +1,34 @@
+/*
+ * render/volume/steps.h: a time-varying volume that need not fit into memory: any rows of any step on demand, as f32.
+ * From NIfTI-1 and raw files (one with all steps, or a sequence of files of the same shape) or from a generator. A
+ * packed file
+ * (.nii.gz) is unpacked into a nameless file in `scratch` first. Reading is thread-safe.
+ */
+#ifndef BB_RENDER_VOLUME_STEPS_H
+#define BB_RENDER_VOLUME_STEPS_H
+
+#include "hal/status.h"
+
+struct bb_steps {
+	char name[64];
+	uint32_t dim[3], n_steps;
+	double spacing_mm[3];
+	uint64_t value_bytes; /* of all steps, as they lie in the files; 0: generated */
+	uint64_t fingerprint; /* of paths, sizes, dates and shape: the same input again has the same */
+	struct bb_steps_file *files;
+	size_t n_files;
+	const char *generator; /* NULL: files */
+};
+
+/* paths: in the order of time. 10xx and 14xx; 1446: shapes differ. */
+BB_MUST_CHECK enum bb_status bb_steps_open(const char *const *paths, size_t n_paths, const char *scratch,
+					   struct bb_steps **out, struct bb_error *err);
+/* "cme". 1430, 1431. */
+BB_MUST_CHECK enum bb_status bb_steps_generate(const char *kind, const uint32_t dim[3], uint32_t n_steps,
+					       struct bb_steps **out, struct bb_error *err);
+/* Rows y .. y + n - 1 of plane z of a step: n * dim[0] values, NaN and infinities as they are. */
+BB_MUST_CHECK enum bb_status bb_steps_rows(const struct bb_steps *s, uint32_t step, uint32_t z, uint32_t y, uint32_t n,
+					   float *out, struct bb_error *err);
+void bb_steps_close(struct bb_steps *s);
+
+#endif

@@ -1,0 +1,272 @@
+/* tests/test_choose.c: what every way of choosing bricks must hold, and how far the heuristics are from the optimum. */
+#include "render/bricks/choose.h"
+#include "render/bricks/gain.h"
+#include "tests/brick_rig.h"
+
+static struct bb_transfer tent(void) /* sees the upper half, with a peak */
+{
+	struct bb_transfer tf = { .n = 4, .least_visible = 0.4 };
+
+	tf.point[0] = (struct bb_transfer_point){ 0, 0, 0, 0, 0 };
+	tf.point[1] = (struct bb_transfer_point){ 0.4, 0.1, 0.1, 0.4, 0 };
+	tf.point[2] = (struct bb_transfer_point){ 0.7, 1, 0.6, 0.1, 0.5 };
+	tf.point[3] = (struct bb_transfer_point){ 1, 1, 1, 0.2, 0.1 };
+	return tf;
+}
+
+/* Each leaf of the octree exactly once, all at the step. */
+static void covers(const struct bb_tree *t, const struct bb_choice *c, size_t n, uint32_t step)
+{
+	const uint32_t first = t->first[t->n_levels - 1];
+	uint8_t *seen = calloc(t->n_nodes, 1);
+
+	assert_non_null(seen);
+	for (size_t i = 0; i < n; i++) {
+		const struct bb_tree_span s = bb_tree_span(t, c[i].tau);
+		assert_true(c[i].node < t->n_nodes && s.from <= step && step < s.to);
+		seen[c[i].node]++;
+	}
+	for (uint32_t leaf = first; leaf < t->n_nodes; leaf++) {
+		int times = 0;
+		for (uint32_t node = leaf; node != BB_TREE_NONE; node = bb_tree_parent(t, node))
+			times += seen[node];
+		assert_int_equal(times, 1);
+	}
+	free(seen);
+}
+
+struct choosing {
+	struct brick_rig rig;
+	struct bb_bricks *b;
+	const struct bb_tree *t;
+	float *space, *time, *work;
+	struct bb_choice *heap, *out;
+};
+
+static void begin(struct choosing *c, uint32_t nx, uint32_t ny, uint32_t nz, uint32_t steps, uint32_t edge)
+{
+	rig_begin(&c->rig, nx, ny, nz, steps, edge);
+	c->b = rig_build(&c->rig);
+	c->t = &bb_bricks_header(c->b)->tree;
+	c->space = malloc(c->t->n_bricks * 4);
+	c->time = malloc(c->t->n_bricks * 4);
+	c->work = malloc(c->t->n_bricks * 4);
+	c->heap = malloc(bb_choose_most(c->t) * sizeof(*c->heap));
+	c->out = malloc(bb_choose_most(c->t) * sizeof(*c->out));
+	assert_true(c->space && c->time && c->work && c->heap && c->out);
+}
+
+static void end(struct choosing *c)
+{
+	free(c->space);
+	free(c->time);
+	free(c->work);
+	free(c->heap);
+	free(c->out);
+	bb_bricks_close(c->b);
+	rig_end(&c->rig);
+}
+
+static void rate(struct choosing *c, enum bb_gain_method method)
+{
+	const struct bb_transfer tf = tent();
+	struct bb_gain_weights w;
+	struct bb_error err = { 0 };
+
+	bb_gain_weights(&tf, &w);
+	if (bb_gain_points(c->b, &w, method, c->space, c->time, c->work, &err) != BB_OK)
+		fail_msg("%s", err.text);
+}
+
+static double stream_of(const struct bb_tree *t, const struct bb_choice *c, size_t n)
+{
+	double sum = 0;
+
+	for (size_t i = 0; i < n; i++) {
+		const struct bb_tree_span s = bb_tree_span(t, c[i].tau);
+		sum += 1.0 / (s.to - s.from);
+	}
+	return sum;
+}
+
+static void budgets_are_kept_by_every_method(void **state)
+{
+	struct choosing c;
+	(void)state;
+
+	begin(&c, 60, 41, 50, 5, 8);
+	for (int method = 0; method < BB_GAIN_METHODS; method++) {
+		rate(&c, (enum bb_gain_method)method);
+		for (uint64_t id = 0; id < c.t->n_bricks; id++) {
+			const bool leaf = bb_tree_place(c.t, (uint32_t)(id % c.t->n_nodes)).level + 1 == c.t->n_levels;
+			const struct bb_tree_span s = bb_tree_span(c.t, (uint32_t)(id / c.t->n_nodes));
+			assert_true(leaf == (c.space[id] < 0) && (s.to - s.from == 1) == (c.time[id] < 0));
+		}
+		for (uint32_t memory = 1; memory < 400; memory += 13)
+			for (double stream = 0; stream < 60; stream += 7.3) {
+				const struct bb_choose_budget budget = { memory, stream };
+				const size_t n =
+					bb_choose_by_budget(c.t, c.space, c.time, memory % 5, &budget, c.heap, c.out);
+				assert_true(n >= 1 && n <= memory);
+				assert_true(stream <= 0 || stream_of(c.t, c.out, n) <= stream + 1e-9);
+				covers(c.t, c.out, n, memory % 5);
+			}
+	}
+	end(&c);
+}
+
+static void without_limits_all_that_gains_is_split(void **state)
+{
+	const struct bb_choose_budget budget = { UINT32_MAX, 0 };
+	struct choosing c;
+	(void)state;
+
+	begin(&c, 33, 24, 17, 3, 8);
+	rate(&c, BB_GAIN_CHILD);
+	const size_t n = bb_choose_by_budget(c.t, c.space, c.time, 1, &budget, c.heap, c.out);
+	for (size_t i = 0; i < n; i++) {
+		const uint64_t id = (uint64_t)c.out[i].tau * c.t->n_nodes + c.out[i].node;
+		assert_true(!(c.space[id] > 0) && !(c.time[id] > 0));
+	}
+	covers(c.t, c.out, n, 1);
+	end(&c);
+}
+
+static void tolerance_is_a_dial(void **state)
+{
+	const struct bb_transfer tf = tent();
+	struct bb_metric_colours colours;
+	static struct bb_metric_table table;
+	struct choosing c;
+	size_t before = 0;
+	(void)state;
+
+	begin(&c, 60, 41, 50, 5, 8);
+	bb_metric_colours(&tf, &colours);
+	bb_metric_table(&colours, &table);
+	bb_metric_rate(c.b, &table, c.space, c.time);
+	for (double tolerance = 1e19; tolerance > 1e-4; tolerance /= 4) {
+		const size_t n = bb_choose_by_tolerance(c.t, c.space, c.time, 2, tolerance, tolerance, c.out);
+		assert_true(n >= before); /* never fewer bricks for a smaller error */
+		before = n;
+		covers(c.t, c.out, n, 2);
+	}
+	assert_int_equal(bb_choose_by_tolerance(c.t, c.space, c.time, 2, 1e20, 1e20, c.out), 1);
+	assert_true(before > 200);
+	end(&c);
+}
+
+static void uniform_takes_the_finest_level_that_fits(void **state)
+{
+	struct bb_tree t;
+	struct bb_choice out[512];
+	(void)state;
+
+	assert_true(bb_tree_init(&t, (const uint32_t[]){ 64, 64, 64 }, 3, 8));
+	assert_int_equal(bb_choose_uniform(&t, 1, 1, out), 1);
+	assert_int_equal(bb_choose_uniform(&t, 1, 63, out), 8);
+	assert_int_equal(bb_choose_uniform(&t, 1, 64, out), 64);
+	assert_int_equal(bb_choose_uniform(&t, 1, 9999, out), 512);
+	covers(&t, out, 512, 1);
+}
+
+/* ---- against the best there is ---- */
+
+/* Every choice of a tiny tree, one after another. */
+static double exhaustive(const struct bb_tree *t, const float *cost, uint32_t node, uint32_t left)
+{
+	uint32_t child[8];
+	const uint32_t n = bb_tree_children(t, node, child);
+	double best = (double)cost[node];
+
+	if (n == 2) /* the tree of this test is a row */
+		for (uint32_t first = 1; first < left; first++)
+			best = fmin(best,
+				    exhaustive(t, cost, child[0], first) + exhaustive(t, cost, child[1], left - first));
+	return left ? best : (double)INFINITY;
+}
+
+static void the_optimum_is_the_best_of_all(void **state)
+{
+	struct bb_tree t;
+	struct bb_choice out[16];
+	uint64_t seed = 77;
+	(void)state;
+
+	assert_true(bb_tree_init(&t, (const uint32_t[]){ 32, 4, 4 }, 1, 4));
+	assert_int_equal(t.n_nodes, 15);
+	for (int i = 0; i < 300; i++) {
+		float cost[15];
+		for (int k = 0; k < 15; k++)
+			cost[k] = (float)(rig_random(&seed) % 1000);
+		const uint32_t memory = 1 + rig_random(&seed) % 8;
+		const size_t n = bb_choose_optimum(&t, cost, 0, memory, out);
+		double sum = 0;
+		for (size_t k = 0; k < n; k++)
+			sum += (double)cost[out[k].node];
+		assert_true(n >= 1 && n <= memory);
+		covers(&t, out, n, 0);
+		assert_true(fabs(sum - exhaustive(&t, cost, 0, memory)) < 1e-6);
+	}
+}
+
+static double cost_of(const struct choosing *c, const float *cost, size_t n)
+{
+	double sum = 0;
+
+	for (size_t i = 0; i < n; i++)
+		sum += (double)cost[(uint64_t)c->out[i].tau * c->t->n_nodes + c->out[i].node];
+	return sum;
+}
+
+/* Regret: how much more leaf error a heuristic leaves than the optimum, over budgets. */
+static void the_regret_of_each_method_is_known(void **state)
+{
+	double regret[BB_GAIN_METHODS + 1] = { 0 };
+	const char *const names[] = { "opacity", "leaf", "child", "uniform" };
+	struct choosing c;
+	int n_budgets = 0;
+	(void)state;
+
+	begin(&c, 64, 56, 48, 4, 8);
+	rate(&c, BB_GAIN_LEAF); /* work: the leaf error of every brick */
+	float *cost = malloc(c.t->n_bricks * 4);
+	assert_non_null(cost);
+	memcpy(cost, c.work, c.t->n_bricks * 4);
+	for (uint32_t memory = 8; memory <= 256; memory = memory * 3 / 2, n_budgets++) {
+		const struct bb_choose_budget budget = { memory, 0 };
+		size_t n = bb_choose_optimum(c.t, cost, 1, memory, c.out);
+		assert_true(n >= 1 && n <= memory);
+		covers(c.t, c.out, n, 1);
+		const double least = cost_of(&c, cost, n), all = (double)cost[0];
+		for (int m = 0; m <= BB_GAIN_METHODS; m++) {
+			if (m < BB_GAIN_METHODS)
+				rate(&c, (enum bb_gain_method)m);
+			n = m < BB_GAIN_METHODS ? bb_choose_by_budget(c.t, c.space, c.time, 1, &budget, c.heap, c.out)
+						: bb_choose_uniform(c.t, 1, memory, c.out);
+			const double here = cost_of(&c, cost, n);
+			assert_true(here >= least * 0.9999);
+			regret[m] += (here - least) / all;
+		}
+	}
+	for (int m = 0; m <= BB_GAIN_METHODS; m++)
+		print_message("regret of %-8s %5.2f %% of the root's error, mean over %d budgets of 8 to 256 bricks\n",
+			      names[m], 100 * regret[m] / n_budgets, n_budgets);
+	assert_true(regret[BB_GAIN_LEAF] <= regret[BB_GAIN_METHODS]); /* better than no choice at all */
+	free(cost);
+	end(&c);
+}
+
+int main(void)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(budgets_are_kept_by_every_method),
+		cmocka_unit_test(without_limits_all_that_gains_is_split),
+		cmocka_unit_test(tolerance_is_a_dial),
+		cmocka_unit_test(uniform_takes_the_finest_level_that_fits),
+		cmocka_unit_test(the_optimum_is_the_best_of_all),
+		cmocka_unit_test(the_regret_of_each_method_is_known),
+	};
+
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
