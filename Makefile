@@ -33,8 +33,8 @@ TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contr
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
 REPLAYS := $(FUZZ:%=$B/tests/replay_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
-# Contract suites that a case of the guest names run there, too, and so does check-hw.
-GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
+# Contract and fault suites that a case of the guest names run there, too, and so does check-hw.
+GUEST   += $(foreach t,$(wildcard tests/contract_*.c tests/test_faults_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
 GUEST   += $(if $(shell grep -w hw_room tests/guest/cases.txt tests/guest/case_*.sh),$B/tests/hw_room)
 OBJ      = $(SRC:%.c=$B/%.o)
 
