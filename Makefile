@@ -33,9 +33,9 @@ TESTS   := $(patsubst tests/%.c,$B/tests/%,$(wildcard tests/test_*.c tests/contr
 FUZZ    := $(patsubst tests/fuzz/fuzz_%.c,%,$(wildcard tests/fuzz/fuzz_*.c))
 REPLAYS := $(FUZZ:%=$B/tests/replay_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
-# Contract and fault suites that a case of the guest names run there, too, and so does check-hw.
+GUEST   += $B/tests/hw_room
+# Contract and fault suites that a case of the guest names run there, too.
 GUEST   += $(foreach t,$(wildcard tests/contract_*.c tests/test_faults_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
-GUEST   += $(if $(shell grep -w hw_room tests/guest/cases.txt tests/guest/case_*.sh),$B/tests/hw_room)
 OBJ      = $(SRC:%.c=$B/%.o)
 
 export LSAN_OPTIONS := suppressions=$(CURDIR)/tests/lsan.supp:print_suppressions=0
@@ -61,6 +61,12 @@ $B/%.o: %.c Makefile
 	@mkdir -p $(@D)
 	@echo "  cc $<"
 	@$(CC) $(ALL_CFLAGS) -MMD -MP -c -o $@ $<
+
+# Kernels that are chosen at run time; elsewhere than on x86-64 these files hold the portable one's name only.
+ifeq ($(shell uname -m),x86_64)
+$B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
+$B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
+endif
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
@@ -101,7 +107,7 @@ check:
 	@$(MAKE) --no-print-directory -j$(shell nproc) all tests hdr-check layer-check
 	@BB_PROGRAM=$(PROGRAM) BB_HW_ROOM=$B/tests/hw_room BB_REPLAY=$B/tests tests/run.sh $(TESTS) tests/fuzz/replay.sh $(wildcard tests/cli-*.sh) $(wildcard $(SCRIPTS))
 
-tests: $(TESTS) $(REPLAYS) $(GUEST) $B/tests/hw_room
+tests: $(TESTS) $(REPLAYS) $(GUEST)
 
 # Every fuzz target (tests/fuzz/fuzz_NAME.c) is an ordinary test over its corpus, and a fuzzer with `make fuzz`.
 $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburst.a
@@ -121,8 +127,8 @@ ROOM ?= rooms/standin.yaml
 check-hw: $B/tests/hw_room
 	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
-# What runs threads: the reference caster and the brick reader. (make SAN=thread check-threads)
-THREADED := $B/tests/test_reference $B/tests/test_stream
+# What runs threads: casters, the brick reader, the brick builder. (make SAN=thread check-threads)
+THREADED := $B/tests/test_reference $B/tests/test_stream $B/tests/test_bricks $B/tests/test_cpu
 check-threads: $(THREADED)
 	@tests/run.sh $(THREADED)
 
@@ -186,4 +192,4 @@ help:
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench fuzz fuzz-programs install uninstall format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $B/tests/hw_room.d $(GUEST:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

@@ -55,6 +55,9 @@ static unsigned metric_blame(enum bb_metric metric)
 	case BB_METRIC_PHOTON_ERROR:
 	case BB_METRIC_TRACKED:
 		return AT_CAMERA | AT_NODE | AT_LINK;
+	case BB_METRIC_PAD_BATTERY:
+	case BB_METRIC_PAD_STUCK:
+		return AT_OTHER;
 	case BB_METRIC_DEVICES:
 	case BB_METRIC_COUNT:
 		break;

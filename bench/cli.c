@@ -296,6 +296,7 @@ static int exit_code_of(enum bb_status status)
 	case BB_ERR_RANGE:
 	case BB_ERR_REFUSED:
 	case BB_ERR_IO:
+	case BB_ERR_VERIFY:
 		return BB_EXIT_USAGE;
 	case BB_ERR_LOST:
 	case BB_ERR_BUSY:

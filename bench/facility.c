@@ -59,16 +59,6 @@ static void read_name(struct monitor *m, const struct bb_monitor_reply *r)
 	}
 }
 
-static bool edid_valid(const struct bb_monitor_reply *r)
-{
-	static const uint8_t head[8] = { 0, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0 };
-	unsigned sum = 0;
-
-	for (size_t i = 0; i < 128 && i < r->edid_bytes; i++)
-		sum += r->edid[i];
-	return r->edid_bytes >= 128 && !memcmp(r->edid, head, 8) && sum % 256 == 0;
-}
-
 static struct bb_monitor_request request_of(const struct monitor *m)
 {
 	struct bb_monitor_request q = { BB_MONITOR_GET, 0, 0 };
@@ -113,12 +103,21 @@ static unsigned aspect_of(const struct monitor *m, const struct bb_monitor_reque
 	return q->code == BB_VCP_INPUT ? WRONG_INPUT : q->code == BB_VCP_POWER_MODE ? WRONG_POWER : 0;
 }
 
+/* It answers, and the answer says what is wrong. */
+static bool came_wrong(const struct bb_monitor_reply *r)
+{
+	return r->status == BB_ERR_VERIFY || (r->status == BB_ERR_FORMAT && r->request.kind == BB_MONITOR_EDID);
+}
+
 /* What a value that came should have been: false and words when it is not. */
 static bool as_wanted(struct monitor *m, const struct bb_monitor_reply *r, char *words, size_t cap)
 {
 	const struct bb_monitor_request *q = &r->request;
 
-	if (q->kind == BB_MONITOR_EDID && !edid_valid(r))
+	if (r->status == BB_ERR_VERIFY)
+		snprintf(words, cap, "VCP %02X was set to %u and acknowledged, but reads back %u", q->code, q->value,
+		         r->current);
+	else if (r->status == BB_ERR_FORMAT)
 		snprintf(words, cap, "EDID is broken (header or checksum)");
 	else if (q->kind != BB_MONITOR_GET)
 		return true;
@@ -152,12 +151,13 @@ static void judge(struct monitor *m, const struct bb_monitor_reply *r, int64_t n
 
 	if (r->status == BB_ERR_UNSUPPORTED && q->code == BB_VCP_HOURS)
 		return;
-	if (r->status != BB_OK) {
+	if (r->status != BB_OK && !came_wrong(r)) {
 		const bool standby = r->status == BB_ERR_BUSY;
+		const char *named = bb_monitor_device(m->dev)->last_error.detail; /* the driver's own word for it */
 		m->wrong |= WRONG_SILENT;
 		bb_watch_bad(w, m->slot, now_ns, standby ? BB_HEALTH_DEGRADED : BB_HEALTH_LOST,
 		             standby ? "answers EDID but not VCP %02X: in standby or off (%s)" : "VCP %02X: %s", q->code,
-		             bb_status_text(r->status));
+		             named[0] ? named : bb_status_text(r->status));
 		return;
 	}
 	note_value(m, r);

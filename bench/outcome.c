@@ -41,8 +41,9 @@ static void note_of(const struct bb_outcome_sources *s, enum bb_class class, siz
 		bb_facility_monitor_note(s->facility, index, note, cap);
 	else if (class == BB_CLASS_POWER)
 		bb_facility_power_note(s->facility, index, note, cap);
-	else if (class == BB_CLASS_GAMEPADS && s->loop->pad_seen[index] && isfinite(s->loop->pad[index].battery))
-		snprintf(note, cap, "battery %.0f %%", 100.0 * (double)s->loop->pad[index].battery);
+	else if (class == BB_CLASS_GAMEPADS && s->loop->pads[index].seen &&
+	         isfinite(s->loop->pads[index].report.battery))
+		snprintf(note, cap, "battery %.0f %%", 100.0 * (double)s->loop->pads[index].report.battery);
 	else if (class == BB_CLASS_CAMERAS && s->loop->tracker) {
 		const struct bb_track_camera_stats c = bb_tracker_camera(s->loop->tracker, index);
 		snprintf(note, cap, "%llu frames, %llu markers used, %llu missing, residual %.3f px",
@@ -107,7 +108,7 @@ static void sample_devices(const struct bb_outcome_sources *s, struct bb_run_res
 		if (lost)
 			sample.value = fmax(sample.value, r->duration_s);
 		for (size_t k = 0; k < n; k++) /* point at the worst stretch, so that its culprit is found */
-			if (!strcmp(in[k].culprit, bb_watch_name(s->watch, i)))
+			if (!strcmp(in[k].culprit, bb_watch_name(s->watch, i)) && strcmp(in[k].state, "WARNING"))
 				sample.at_ns = in[k].from_ns;
 		bb_ledger_sample(r->ledger, BB_METRIC_DEVICES, &sample);
 	}

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 #include <sys/stat.h>
 
 #include "bench/facility.h"
@@ -158,11 +159,15 @@ static enum bb_status bring_up(struct work *w, struct bb_error *err)
 static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 {
 	const bool pictures = w->o->pictures && w->run->scene->pictures.n_at;
+	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	enum bb_status status = BB_OK;
 
 	if (!pictures && !w->o->posix_clock)
 		return BB_OK;
-	if (w->volume)
+	if (w->volume && !strcmp(w->o->gl, "cpu"))
+		status = bb_renderer_cpu_create("auto", (unsigned)(processors > 0 && processors < 64 ? processors : 1), &w->renderer,
+		                                err);
+	else if (w->volume)
 		status = bb_renderer_gl_create(w->o->gl, &w->renderer, err);
 	if (status != BB_OK || !pictures)
 		return status;

@@ -99,6 +99,29 @@ void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_healt
 	change(w, s, now_ns, health);
 }
 
+size_t bb_watch_warn(struct bb_watch *w, size_t slot, int64_t now_ns, const char *fmt, ...)
+{
+	va_list ap;
+
+	if (w->n_incidents == INCIDENTS_MAX)
+		return INCIDENTS_MAX;
+	struct bb_incident *in = &w->incidents[w->n_incidents++];
+	snprintf(in->culprit, sizeof(in->culprit), "%s", w->slots[slot].name);
+	snprintf(in->state, sizeof(in->state), "WARNING");
+	in->from_ns = now_ns;
+	in->to_ns = BB_NEVER;
+	va_start(ap, fmt);
+	vsnprintf(in->what, sizeof(in->what), fmt, ap);
+	va_end(ap);
+	return w->n_incidents - 1;
+}
+
+void bb_watch_over(struct bb_watch *w, size_t warning, int64_t now_ns)
+{
+	if (warning < INCIDENTS_MAX)
+		w->incidents[warning].to_ns = now_ns;
+}
+
 static void close_incident(struct bb_watch *w, struct slot *s, int64_t at_ns)
 {
 	const int64_t lasted_ns = at_ns - s->bad_since_ns;

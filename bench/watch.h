@@ -18,6 +18,11 @@ size_t bb_watch_slot(struct bb_watch *w, const char *class_name, const char *id)
 /* Bad in state `health` (DEGRADED, HOLDOVER, LOST): what says why, in words for a person. */
 BB_PRINTF(5, 6)
 void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_health health, const char *fmt, ...);
+/* Something a person should know that is no failure: an incident in state WARNING, until it is over or for good; budgets
+ * decide. Returns what bb_watch_over takes. */
+BB_PRINTF(4, 5)
+size_t bb_watch_warn(struct bb_watch *w, size_t slot, int64_t now_ns, const char *fmt, ...);
+void bb_watch_over(struct bb_watch *w, size_t warning, int64_t now_ns);
 void bb_watch_good(struct bb_watch *w, size_t slot, int64_t now_ns);
 enum bb_health bb_watch_health(const struct bb_watch *w, size_t slot);
 /* Closes open incidents at now; afterwards the two below tell. */

@@ -208,7 +208,8 @@ void bb_attached_match(const char *root, const struct bb_attached *list, size_t 
 		match_modbus(root, uri, out);
 		return;
 	}
-	if (!scheme_of(uri->scheme)) {
+	/* A display by its EDID's serial: somebody would have to read EDIDs. */
+	if (!scheme_of(uri->scheme) || (!strcmp(uri->scheme, "i2c") && !uri->path[0])) {
 		out->state = BB_ATTACHED_UNSEEN;
 		return;
 	}

@@ -7,6 +7,7 @@
 #define GAP_MOST 2000
 #define GAP_DOWN 50
 #define GAP_UP 100
+#define TRIAL_AFTER 2
 #define PATIENCE_LEAST 8
 #define PATIENCE_MOST 1024
 
@@ -106,13 +107,25 @@ void ddc_gap_note(struct ddc_gap *g, bool clean)
 {
 	if (!g->slow)
 		return;
+	if (g->on_trial && clean) {
+		ddc_gap_init(g);
+		return;
+	}
+	if (g->on_trial)
+		ddc_gap_stretch(g);
+	g->on_trial = false;
 	if (!clean) {
 		g->permille = g->permille + GAP_UP > GAP_MOST ? GAP_MOST : g->permille + GAP_UP;
 		g->patience = g->patience * 2 > PATIENCE_MOST ? PATIENCE_MOST : g->patience * 2;
 		g->n_clean = 0;
 		return;
 	}
-	if (++g->n_clean < g->patience)
+	if (++g->n_clean >= TRIAL_AFTER && !g->tried) {
+		g->tried = g->on_trial = true;
+		g->permille = GAP_LEAST;
+		return;
+	}
+	if (g->n_clean < g->patience)
 		return;
 	g->n_clean = 0;
 	g->permille -= GAP_DOWN;

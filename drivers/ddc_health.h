@@ -17,6 +17,7 @@
 	X(DDC_FAULT_SLOW, "DDC_SLOW")        /* answers only after longer waits than the standard's */ \
 	X(DDC_FAULT_STANDBY, "DISP_STANDBY") /* EDID answers, DDC does not */                          \
 	X(DDC_FAULT_STUCK, "I2C_STUCK")      /* nothing gets through, whatever the address */          \
+	X(DDC_FAULT_FLAPS, "BUS_FLAPS")      /* the adapter comes and goes */                          \
 	X(DDC_FAULT_VERIFY, "VERIFY_FAIL")   /* written, acknowledged, reads back as something else */ \
 	X(DDC_FAULT_EDID, "EDID_BAD")
 
@@ -44,7 +45,8 @@ bool ddc_health_good(struct ddc_health *h, int64_t at_ns);
 /* Waits stretch from 1.0 to 2.0 times the standard's, and creep back. */
 struct ddc_gap {
 	int permille;
-	bool slow; /* it was found to need more */
+	bool slow;            /* it was found to need more */
+	bool tried, on_trial; /* or only seemed to, being busy: the standard's waits get one more try soon */
 	uint32_t n_clean, patience;
 };
 void ddc_gap_init(struct ddc_gap *g);

@@ -93,6 +93,8 @@ static void bad(struct monitor_ddc *d, enum bb_health health, enum ddc_fault fau
 	const struct ddc_health *h = &d->report.health;
 	const bool changed = ddc_health_bad(&d->report.health, health, fault, d->line.end_ns);
 
+	if (!changed && h->fault != fault) /* the words of what stands say more */
+		return;
 	bb_device_fail(&d->base.dev, status, "ddc", "%s %llu: %s (VCP %02X, try %u)", ddc_fault_text(fault),
 		       (unsigned long long)h->count[fault], what, d->line.question.code, d->reply.tries);
 	if (!changed)
@@ -142,6 +144,8 @@ static void note_failure(struct monitor_ddc *d, enum ddc_outcome outcome)
 	switch (outcome) {
 	case DDC_EMPTY:
 		d->report.health.count[DDC_FAULT_NULL]++;
+		if (d->report.health.health == BB_HEALTH_DEGRADED && d->report.health.fault == DDC_FAULT_STANDBY)
+			break;
 		bb_device_fail(&d->base.dev, BB_ERR_BUSY, "ddc", "NULL %u: an empty reply (VCP %02X)",
 			       d->job.empties + 1, d->line.question.code);
 		break;
@@ -176,6 +180,8 @@ int64_t ddc_idle(struct monitor_ddc *d, int64_t at_ns)
 	const struct ddc_health *h = &d->report.health;
 	int64_t wait_ns = PROBE_LEAST_NS;
 
+	if (h->health == BB_HEALTH_QUARANTINED && h->fault == DDC_FAULT_FLAPS)
+		return ddc_next_ask(d, ASK_NOTHING, BB_NEVER);
 	if (h->health == BB_HEALTH_QUARANTINED)
 		return d->probes++ < STUCK_PROBES ? ddc_next_ask(d, ASK_PROBE_BUS, at_ns + STUCK_PROBE_NS)
 						  : ddc_next_ask(d, ASK_NOTHING, BB_NEVER);
@@ -210,11 +216,10 @@ int64_t ddc_finish(struct monitor_ddc *d, enum bb_status status, int64_t value)
 
 /* ---- answers to side questions ---- */
 
-/* Nothing gets through at any address: other buses go on, this one is left alone. */
-static int64_t quarantine(struct monitor_ddc *d)
+int64_t ddc_quarantine(struct monitor_ddc *d, enum ddc_fault fault, const char *what)
 {
-	bad(d, BB_HEALTH_QUARANTINED, DDC_FAULT_STUCK, BB_ERR_IO, "no address can be reached, the wire is held low");
-	return ddc_finish(d, BB_ERR_IO, 0);
+	bad(d, BB_HEALTH_QUARANTINED, fault, BB_ERR_IO, what);
+	return d->stage == STAGE_UNDER_WAY ? ddc_finish(d, BB_ERR_IO, 0) : ddc_idle(d, d->line.end_ns);
 }
 
 static int64_t on_presence(struct monitor_ddc *d, enum ddc_outcome outcome)
@@ -222,7 +227,7 @@ static int64_t on_presence(struct monitor_ddc *d, enum ddc_outcome outcome)
 	const bool wire_bad = outcome == DDC_BROKEN || outcome == DDC_ZEROS;
 
 	if (wire_bad && ++d->job.looks >= STUCK_LOOKS)
-		return quarantine(d);
+		return ddc_quarantine(d, DDC_FAULT_STUCK, "no address can be reached, the wire is held low");
 	if (wire_bad)
 		return ddc_next_ask(d, ASK_PRESENCE, d->line.end_ns + STUCK_LOOK_NS);
 	d->job.looks = 0;
@@ -397,8 +402,8 @@ static int64_t on_verify(struct monitor_ddc *d)
 		d->main = ASK_WRITE;
 		return ddc_next_ask(d, ASK_WRITE, d->line.end_ns);
 	}
-	bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_VERIFY, BB_ERR_IO, "acknowledged, but reads back as something else");
-	return ddc_finish(d, BB_ERR_IO, 0);
+	bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_VERIFY, BB_ERR_VERIFY, "acknowledged, but reads back as something else");
+	return ddc_finish(d, BB_ERR_VERIFY, 0);
 }
 
 static int64_t on_written(struct monitor_ddc *d)
@@ -440,6 +445,23 @@ static size_t edid_blocks(const struct monitor_ddc *d)
 	return 1 + (b[126] < EDID_MOST_BLOCKS ? b[126] : EDID_MOST_BLOCKS - 1);
 }
 
+/* Maker, product, serial, date: who it is. What was learned of another display is not true of this one. */
+static void note_identity(struct monitor_ddc *d)
+{
+	const uint8_t *was = d->report.good_edid, *is = d->reply.edid;
+
+	if (!d->report.good_edid_bytes || !memcmp(was + 8, is + 8, 10))
+		return;
+	bb_log(d->log, BB_LOG_WARN, BB_BLAME_DEVICE, d->base.dev.id,
+	       "another display is on this bus: product %02X%02X where %02X%02X was", is[11], is[10], was[11], was[10]);
+	memset(d->answered, 0, sizeof(d->answered));
+	memset(d->refused, 0, sizeof(d->refused));
+	d->known_code = BB_VCP_VERSION;
+	d->report.null_means = DDC_NULL_UNKNOWN;
+	d->line.doubled = false;
+	ddc_gap_init(&d->line.gap);
+}
+
 static int64_t edid_done(struct monitor_ddc *d)
 {
 	struct bb_monitor_reply *r = &d->reply;
@@ -447,6 +469,7 @@ static int64_t edid_done(struct monitor_ddc *d)
 
 	r->edid_bytes = d->job.at;
 	if (block < 0) {
+		note_identity(d);
 		memcpy(d->report.good_edid, r->edid, r->edid_bytes);
 		d->report.good_edid_bytes = r->edid_bytes;
 		cured(d, DDC_FAULT_EDID);
@@ -456,8 +479,8 @@ static int64_t edid_done(struct monitor_ddc *d)
 	d->job.at = 0;
 	if (++d->job.reads < EDID_READS)
 		return retry(d, d->line.end_ns);
-	/* As the display gives it: whoever asked judges it; the last good one stands in the report. */
-	return ddc_finish(d, BB_OK, (int64_t)r->edid_bytes);
+	/* As the display gives it; the last good one stands in the report. */
+	return ddc_finish(d, BB_ERR_FORMAT, 0);
 }
 
 static int64_t on_edid(struct monitor_ddc *d)
@@ -478,7 +501,7 @@ static int64_t edid_failed(struct monitor_ddc *d, enum ddc_outcome outcome)
 	if (outcome == DDC_NO_ACK && d->job.at >= EDID_BLOCK_BYTES && d->job.no_acks + 1 >= MOST_NO_ACK) {
 		d->reply.edid_bytes = d->job.at / EDID_BLOCK_BYTES * EDID_BLOCK_BYTES;
 		bad(d, BB_HEALTH_DEGRADED, DDC_FAULT_EDID, BB_ERR_FORMAT, "an extension cannot be read");
-		return ddc_finish(d, BB_OK, (int64_t)d->reply.edid_bytes);
+		return ddc_finish(d, BB_ERR_FORMAT, 0);
 	}
 	return on_failure(d, outcome);
 }

@@ -12,6 +12,11 @@
 #include <errno.h>
 #include <string.h>
 
+#define TRANSFER_NS INT64_C(5000000) /* 41 bytes at 100 kHz are 3.7 ms; what is left is the host's and its adapter's \
+				      */
+#define MOST_REQUEST_NS \
+	INT64_C(6200000000)  /* ten tries at doubled waits with a side question each, and their back-off */
+#define SERIAL_MOST 13       /* an EDID's text has no more */
 #define CODE_NOBODY_HAS 0x41 /* vertical parallelogram: tubes only */
 
 static struct monitor_ddc *of(struct bb_monitor *m)
@@ -75,6 +80,18 @@ static void pose(struct monitor_ddc *d)
 	d->posed = true;
 }
 
+static bool flaps(struct monitor_ddc *d, int64_t now_ns)
+{
+	bool often = false;
+
+	for (; d->reopened != d->line.bus->n_reopened; d->reopened++) {
+		int64_t *then_ns = &d->reopened_ns[d->reopened % REOPENS_A_MINUTE];
+		often |= *then_ns && now_ns - *then_ns < 60 * BB_NS_PER_S;
+		*then_ns = now_ns;
+	}
+	return often;
+}
+
 static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct monitor_ddc *d = bb_container_of(timer, struct monitor_ddc, timer);
@@ -89,6 +106,8 @@ static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns
 	if (!d->posed)
 		pose(d);
 	const int64_t next_ns = ddc_line_step(&d->line, now_ns);
+	if (flaps(d, now_ns))
+		return ddc_quarantine(d, DDC_FAULT_FLAPS, "its adapter was plugged in too often a minute");
 	return next_ns == BB_NEVER ? ddc_on_answer(d) : next_ns;
 }
 
@@ -181,6 +200,7 @@ void monitor_ddc_release(struct bb_monitor *m)
 	d->report.health.health = BB_HEALTH_RECOVERING;
 	d->report.health.n_good = 0;
 	d->probes = 0;
+	memset(d->reopened_ns, 0, sizeof(d->reopened_ns));
 	/* The timer has been armed before, so this cannot need memory; if it did, the next request asks. */
 	if (bb_clock_arm(m->dev.clk, &d->timer, ddc_idle(d, bb_clock_now_ns(m->dev.clk))) != BB_OK)
 		d->ask = ASK_NOTHING;
@@ -197,32 +217,39 @@ static void start(struct monitor_ddc *d, struct bb_i2c_bus *bus, const struct bb
 	ddc_gap_init(&d->line.gap);
 	d->base.limits = (struct bb_monitor_limits){ .reply_wait_ns = DDCCI_REPLY_WAIT_NS,
 						     .write_wait_ns = DDCCI_WRITE_WAIT_NS,
+						     .transfer_ns = TRANSFER_NS,
+						     .most_request_ns = MOST_REQUEST_NS,
 						     .most_tries = MONITOR_DDC_MOST_TRIES };
 }
 
-static enum bb_status read_options(struct bb_device *dev, const struct bb_uri *uri, bool *plain)
+static enum bb_status read_options(struct bb_device *dev, const struct bb_uri *uri, struct bus_i2c_options *out)
 {
-	*plain = false;
-	if (!uri || !uri->path[0])
-		return bb_device_fail(dev, BB_ERR_CONFIG, "open", "an i2c: device names a bus, i2c:/dev/i2c-4");
-	for (size_t i = 0; i < uri->n_options; i++) {
-		const bool known = !strcmp(uri->option[i].key, "io");
-		*plain = known && !strcmp(uri->option[i].value, "plain");
-		if (!known || (!*plain && strcmp(uri->option[i].value, "rdwr")))
-			return bb_device_fail(dev, BB_ERR_CONFIG, "open", "i2c: knows io=rdwr and io=plain, not %s=%s",
-					      uri->option[i].key, uri->option[i].value);
+	*out = (struct bus_i2c_options){ uri ? uri->path : "", "", false };
+	for (size_t i = 0; uri && i < uri->n_options; i++) {
+		const char *key = uri->option[i].key, *value = uri->option[i].value;
+		if (!strcmp(key, "serial") && value[0] && strlen(value) <= SERIAL_MOST)
+			out->serial = value;
+		else if (!strcmp(key, "io") && !strcmp(value, "plain"))
+			out->plain = true;
+		else if (strcmp(key, "io") || strcmp(value, "rdwr"))
+			return bb_device_fail(dev, BB_ERR_CONFIG, "open",
+					      "i2c: knows serial=TEXT, io=rdwr and io=plain, not %s=%s", key, value);
 	}
+	if (!out->path[0] == !out->serial[0])
+		return bb_device_fail(
+			dev, BB_ERR_CONFIG, "open",
+			"an i2c: device names a bus, i2c:/dev/i2c-4, or a monitor, i2c:?serial=SIM0001234");
 	return BB_OK;
 }
 
 static enum bb_status ddc_open(struct bb_monitor *m, const struct bb_open *open)
 {
 	struct bb_i2c_bus *bus;
-	bool plain;
-	enum bb_status status = read_options(&m->dev, open->uri, &plain);
+	struct bus_i2c_options options;
+	enum bb_status status = read_options(&m->dev, open->uri, &options);
 
 	if (status == BB_OK)
-		status = bus_i2c_open(open->uri->path, plain, m->dev.clk, &bus);
+		status = bus_i2c_open(&options, m->dev.clk, &bus);
 	else
 		return status;
 	if (status == BB_ERR_REFUSED)

@@ -1,7 +1,9 @@
 /*
- * drivers/monitor_ddc.h: a monitor's EDID and DDC/CI controls over an I2C bus ("i2c:/dev/i2c-4"). One state machine a
+ * drivers/monitor_ddc.h: a monitor's EDID and DDC/CI controls over an I2C bus ("i2c:/dev/i2c-4", or
+ * "i2c:?serial=SIM0001234" for the bus on which an EDID has that serial, wherever it is plugged in). One state machine a
  * bus on the clock's timers: requests of a few bytes, and between them the waits of the standard, so that one event
- * loop serves every bus of a node and holds none of them for longer than 3.2 ms. One thread, the clock's; ns.
+ * loop serves every bus of a node. It never waits for one: what blocks in the kernel does so in a thread of the bus's.
+ * One thread, the clock's; ns.
  *
  * A write is read back before it counts as done. A display that does not answer in time gets longer waits; Null
  * replies are told apart (busy, asleep, "I do not have that") by asking for a code no flat panel has. Faults are

@@ -8,6 +8,8 @@
 #include "drivers/ddc_line.h"
 #include "drivers/monitor_ddc.h"
 
+#define REOPENS_A_MINUTE 5 /* more are too many */
+
 enum ddc_stage { STAGE_IDLE, STAGE_UNDER_WAY, STAGE_DONE };
 
 enum ddc_ask {
@@ -42,6 +44,8 @@ struct monitor_ddc {
 	uint8_t refused[32];  /* and for each found out not to be there by Nulls or zeros */
 	uint8_t known_code;   /* the last of them */
 	unsigned int probes;
+	uint32_t reopened; /* of bus->n_reopened: seen */
+	int64_t reopened_ns[REOPENS_A_MINUTE];
 
 	struct { /* of the request under way */
 		enum ddc_outcome failure;
@@ -56,6 +60,8 @@ struct monitor_ddc {
 
 /* The answer to d->ask is in d->line. Returns when the machine steps again, or BB_NEVER. */
 int64_t ddc_on_answer(struct monitor_ddc *d);
+/* Other buses go on, this one is left alone. */
+int64_t ddc_quarantine(struct monitor_ddc *d, enum ddc_fault fault, const char *what);
 int64_t ddc_finish(struct monitor_ddc *d, enum bb_status status, int64_t value);
 int64_t ddc_next_ask(struct monitor_ddc *d, enum ddc_ask ask, int64_t at_ns);
 /* While something is wrong the machine asks on its own; BB_NEVER: nothing to do. */

@@ -18,7 +18,8 @@ struct bb_i2c_message {
 struct bb_i2c_bus;
 struct bb_i2c_ops {
 	/* All messages with repeated starts. BB_ERR_LOST: address not acknowledged; BB_ERR_IO: bus error; BB_ERR_BUSY:
-	 * another owner has the wire, nothing was sent: try again, at free_ns where that lies ahead. */
+	 * another owner has the wire, or this transfer is under way: ask for the same again, at free_ns where that lies
+	 * ahead. Whoever asks for another meanwhile gives up the first. */
 	enum bb_status (*transfer)(struct bb_i2c_bus *bus, struct bb_i2c_message *messages, size_t n);
 	void (*close)(struct bb_i2c_bus *bus);
 };
@@ -26,6 +27,7 @@ struct bb_i2c_bus {
 	const struct bb_i2c_ops *ops;
 	struct bb_clock *clk;
 	int64_t free_ns; /* when the last transfer ends on the wire, where the clock does not run meanwhile; else 0 */
+	uint32_t n_reopened; /* how often the adapter was another than the time before: unplugged and plugged in again */
 };
 
 struct bb_can_frame {

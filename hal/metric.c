@@ -3,7 +3,9 @@
 #include <string.h>
 
 static const struct bb_metric_info metrics[BB_METRIC_COUNT] = {
-#define X(id, name, unit, class, fidelity, help) [id] = { name, unit, class, fidelity, help, (id) == BB_METRIC_TRACKED || (id) == BB_METRIC_PSNR },
+#define X(id, name, unit, class, fidelity, help)                                                                    \
+	[id] = { name, unit, class, fidelity, help,                                                                   \
+		 (id) == BB_METRIC_TRACKED || (id) == BB_METRIC_PSNR || (id) == BB_METRIC_PAD_BATTERY },
 	BB_METRIC_LIST(X)
 #undef X
 };

@@ -42,6 +42,10 @@ const char *bb_class_text(enum bb_class c); /* "shutters" ... */
 	X(BB_METRIC_TRACKED, "tracked", "percent", BB_CLASS_CAMERAS, 0, "frames drawn with a fresh pose; a lower limit") \
 	X(BB_METRIC_STREAM, "stream", "bytes", BB_CLASS_NONE, 0, "bytes streamed by a node in a frame")               \
 	X(BB_METRIC_PSNR, "psnr", "db", BB_CLASS_NONE, 0, "pictures against full resolution; a lower limit")          \
+	X(BB_METRIC_PAD_BATTERY, "pad_battery", "percent", BB_CLASS_GAMEPADS, 0,                                      \
+	  "charge of the emptiest gamepad that tells it; a lower limit")                                               \
+	X(BB_METRIC_PAD_STUCK, "pad_stuck", "s", BB_CLASS_GAMEPADS, 0,                                                \
+	  "how long some axis of a gamepad has stood still off neutral")                                               \
 	X(BB_METRIC_DEVICES, "devices_ok", "s", BB_CLASS_NONE, 0,                                                     \
 	  "longest time any needed device was not OK; LOST at the end fails at once")
 
@@ -59,7 +63,7 @@ struct bb_metric_info {
 	enum bb_class needs;
 	int fidelity;
 	const char *help;
-	bool lower_limit; /* tracked, psnr: smaller is worse */
+	bool lower_limit; /* tracked, psnr, pad_battery: smaller is worse */
 };
 const struct bb_metric_info *bb_metric_info(enum bb_metric metric);
 bool bb_metric_find(const char *name, enum bb_metric *out);

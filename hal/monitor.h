@@ -47,6 +47,8 @@ struct bb_monitor_config {
 
 struct bb_monitor_limits {
 	int64_t reply_wait_ns, write_wait_ns; /* DDC/CI 1.1: 40 ms before reading a reply, 50 ms after a write */
+	int64_t transfer_ns;     /* beyond those waits: one transfer takes up to that long, on the wire and to get there */
+	int64_t most_request_ns; /* with every try and question in between; CAPABILITIES: each 32 bytes of text */
 	uint32_t most_tries;
 };
 
@@ -68,12 +70,14 @@ struct bb_monitor_reply {
 	struct bb_monitor_request request;
 	enum bb_status status; /* BB_OK; BB_ERR_UNSUPPORTED: code unknown; BB_ERR_BUSY: gave up after Null replies
 	                          (standby answers EDID but not VCP); BB_ERR_LOST: no ACK; BB_ERR_RANGE: illegal value;
-	                          BB_ERR_REFUSED: safety; BB_ERR_FORMAT: only damaged replies came; BB_ERR_IO: the
-	                          bus failed, or a value written reads back as another */
+	                          BB_ERR_REFUSED: safety; BB_ERR_FORMAT: only damaged replies came, of an EDID with the
+	                          bytes as they are; BB_ERR_IO: the bus failed; BB_ERR_VERIFY: the value written was
+	                          acknowledged and reads back as another, which is in current */
 	uint16_t current, most; /* GET; both are 0xFFFF for "cannot determine" */
 	uint32_t tries;
 	int64_t done_ns;
-	size_t edid_bytes;      /* EDID: 128 x (1 + extensions), bounded */
+	size_t edid_bytes;      /* EDID: 128 x (1 + extensions), bounded. With BB_OK every block's checksum and the header
+	                           are right and no block that is announced is missing, up to the bound */
 	size_t text_bytes;      /* CAPABILITIES: without a NUL, bounded */
 	union {                 /* only as many bytes as told above are set */
 		uint8_t edid[BB_EDID_MAX_BYTES];

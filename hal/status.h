@@ -23,7 +23,8 @@
 	X(BB_ERR_IO, -8, "input or output failed")                             \
 	X(BB_ERR_LOST, -9, "the device is gone")                               \
 	X(BB_ERR_NOMEM, -10, "out of memory")                                  \
-	X(BB_ERR_INTERNAL, -11, "a bug in blackburst")
+	X(BB_ERR_INTERNAL, -11, "a bug in blackburst")                         \
+	X(BB_ERR_VERIFY, -12, "written, but it reads back as something else")
 
 enum bb_status {
 #define X(name, value, text) name = (value),

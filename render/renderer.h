@@ -1,6 +1,6 @@
 /*
- * render/renderer.h: draws one view of the atlas. Back ends: "gl" (GLSL on an offscreen context, OSMesa or EGL) and
- * "reference" (double precision on the CPU, slow, full resolution: the judge).
+ * render/renderer.h: draws one view of the atlas. Back ends: "gl" (GLSL on an offscreen context, OSMesa or EGL), "cpu"
+ * (native code for AVX-512, AVX2 or any processor) and "reference" (double precision on the CPU, slow, full resolution: the judge).
  *
  * Front-to-back compositing, premultiplied; a sample every step_voxels voxels as measured along the volume's longest
  * edge, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
@@ -34,6 +34,9 @@ struct bb_renderer;
 
 /* kind: "osmesa", "egl", "auto" (osmesa, then egl). One GL kind per process. 1801: no such library on this machine. */
 BB_MUST_CHECK enum bb_status bb_renderer_gl_create(const char *kind, struct bb_renderer **out, struct bb_error *err);
+/* kernel: "avx512", "avx2", "portable"; "auto" is the widest this processor has. 1801: it does not have that one. */
+BB_MUST_CHECK enum bb_status bb_renderer_cpu_create(const char *kernel, unsigned threads, struct bb_renderer **out,
+                                                    struct bb_error *err);
 /* threads >= 1; reads the volume itself, never the atlas. */
 BB_MUST_CHECK enum bb_status bb_renderer_reference_create(unsigned threads, struct bb_renderer **out);
 void bb_renderer_destroy(struct bb_renderer *r);

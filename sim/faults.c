@@ -2,6 +2,7 @@
  * sim/faults.c: the grammar of faults, their arguments, and the list of all verbs. Texts come from people and files,
  * so everything is bounded and checked here; planting is in sim/fault_plan.c.
  */
+#include "sim/peer_ddcci.h"
 #include "sim/peer_modbus.h"
 #include "sim/peer_shutter.h"
 #include "sim/sim.h"
@@ -24,7 +25,8 @@ static const struct {
 	{ "shutter", sim_shutter_verbs }, { "camera", sim_camera_verbs }, { "display", sim_display_verbs },
 	{ "monitor", sim_monitor_verbs }, { "power", sim_power_verbs },   { "gamepad", sim_gamepad_verbs },
 	{ "link", sim_link_verbs },       { "node", sim_node_verbs },     { "world", sim_viewer_verbs },
-	{ "modbus", peer_modbus_verbs },  { "can", sim_chain_can_verbs }, /* of `serve` */
+	/* of `serve`: the same devices' wires */
+	{ "modbus", peer_modbus_verbs },  { "ddc", peer_ddcci_wire_verbs }, { "can", sim_chain_can_verbs },
 };
 
 const struct sim_verb *sim_fault_verb(size_t i, const char **class_out)

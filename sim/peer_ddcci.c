@@ -44,7 +44,7 @@ struct peer_ddcci {
 	int64_t since_ns;   /* vcp.lit_ns is as of then */
 	int64_t ready_ns;   /* Null until then: booting or restoring */
 	int64_t quiet_ns;   /* drops messages until then */
-	int64_t hush_ns;      /* the standard's wait after a reply: counted, not enforced */
+	int64_t hush_ns;    /* the standard's wait after a reply: counted, not enforced */
 	int64_t request_ns; /* end of the last request */
 	struct message reply, stale;
 };
@@ -403,10 +403,11 @@ enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct 
 		 500 + (uint32_t)(sim_rng_u64(&p->rng) % 15000));
 	p->capabilities_bytes = vcp_text(p->model->shown, p->capabilities, sizeof(p->capabilities));
 	p->fed = !peer_ddcci_on_outlet(p) || sim_world_fed(world, config->outlet);
-	const enum bb_status status =
-		world ? sim_world_register(world, "monitor", config->id, p, peer_ddcci_verbs) : BB_OK;
+	enum bb_status status = world ? sim_world_register(world, "monitor", config->id, p, peer_ddcci_verbs) : BB_OK;
+	if (status == BB_OK && world)
+		status = sim_world_register(world, "ddc", config->id, p, peer_ddcci_wire_verbs);
 	if (status != BB_OK) {
-		free(p);
+		peer_ddcci_destroy(p);
 		return status;
 	}
 	*out = p;
@@ -417,7 +418,7 @@ void peer_ddcci_destroy(struct peer_ddcci *p)
 {
 	if (!p)
 		return;
-	if (p->world)
+	for (int twice = 0; p->world && twice < 2; twice++)
 		sim_world_unregister(p->world, p);
 	free(p);
 }
@@ -534,6 +535,29 @@ static enum bb_status verb_drift(void *device, const struct sim_fault_args *args
 	return BB_OK;
 }
 
+static enum bb_status quirk(void *device, const struct sim_fault_args *args, size_t offset, bool on,
+			    struct bb_error *err)
+{
+	const enum bb_status status = sim_args_only(args, "", err);
+
+	if (status == BB_OK && device)
+		memcpy((char *)&((struct peer_ddcci *)device)->quirks + offset, &on, sizeof(on));
+	return status;
+}
+
+#define QUIRK(name)                                                                                 \
+	static enum bb_status verb_##name(void *device, const struct sim_fault_args *args, bool on, \
+					  struct bb_error *err)                                     \
+	{                                                                                           \
+		return quirk(device, args, offsetof(struct peer_quirks, name), on, err);            \
+	}
+QUIRK(doubled_source)
+QUIRK(null_for_unsupported)
+QUIRK(zero_for_unsupported)
+QUIRK(malformed_capabilities)
+QUIRK(no_ack_asleep)
+
+/* The monitor as a thing: as sim_monitor_verbs. */
 const struct sim_verb peer_ddcci_verbs[] = {
 	{ "input", "[value=CODE]", "someone pressed the button: it shows that input (VCP 60) instead of its own",
 	  "value=0x11", verb_input },
@@ -544,6 +568,12 @@ const struct sim_verb peer_ddcci_verbs[] = {
 	{ "drift", "[luminance=N]", "its brightness (VCP 10) moved, to 20 unless told", "luminance=35", verb_drift },
 	{ "unplug", "", "its cable is out: nothing answers", "", verb_unplug },
 	{ "corrupt_edid", "", "one byte of its EDID reads wrong", "", verb_corrupt_edid },
+	{ "ignore_write", "", "it acknowledges a write and does not apply it", "", verb_ignore_write },
+	{ NULL, NULL, NULL, NULL, NULL },
+};
+
+/* Its wires and its ways with them. */
+const struct sim_verb peer_ddcci_wire_verbs[] = {
 	{ "bus_error", "", "messages to its DDC controller end in a bus error", "", verb_bus_error },
 	{ "stuck", "", "it holds SDA low: nothing on its bus gets through", "", verb_stuck },
 	{ "bad_checksum", "", "its replies have a wrong checksum", "", verb_bad_checksum },
@@ -551,6 +581,12 @@ const struct sim_verb peer_ddcci_verbs[] = {
 	{ "stale", "", "it answers the question before the last", "", verb_stale },
 	{ "zero", "", "its replies read as zeros", "", verb_zero },
 	{ "slow", "", "its replies are ready after 65 ms instead of 40", "", verb_slow },
-	{ "ignore_write", "", "it acknowledges a write and does not apply it", "", verb_ignore_write },
+	{ "doubled_source", "", "its replies begin with their first byte twice", "", verb_doubled_source },
+	{ "null_for_unsupported", "", "it says Null to a code it does not have, not \"unsupported\"", "",
+	  verb_null_for_unsupported },
+	{ "zero_for_unsupported", "", "it says zeros to a code it does not have", "", verb_zero_for_unsupported },
+	{ "malformed_capabilities", "", "its capabilities string is damaged as some real ones are", "",
+	  verb_malformed_capabilities },
+	{ "no_ack_asleep", "", "asleep its DDC controller does not even acknowledge", "", verb_no_ack_asleep },
 	{ NULL, NULL, NULL, NULL, NULL },
 };

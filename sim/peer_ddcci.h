@@ -54,7 +54,7 @@ struct peer_counts {
 struct peer_ddcci;
 
 /* config is copied. world may be NULL: always fed, faults by peer_ddcci_fault only; else it registers there as
- * "monitor/ID", and the world outlives it. BB_ERR_CONFIG when the mode fits no EDID. */
+ * "monitor/ID" and "ddc/ID", and the world outlives it. BB_ERR_CONFIG when the mode fits no EDID. */
 BB_MUST_CHECK enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct sim_world *world,
 					       uint64_t seed, int64_t now_ns, struct peer_ddcci **out);
 void peer_ddcci_destroy(struct peer_ddcci *p);
@@ -78,5 +78,6 @@ BB_MUST_CHECK enum bb_status peer_ddcci_set_edid(struct peer_ddcci *p, const uin
 double peer_ddcci_luminance(struct peer_ddcci *p, int64_t at_ns);         /* cd/m2 of white; a warm lamp */
 bool peer_ddcci_value(struct peer_ddcci *p, uint8_t code, uint16_t *out); /* what is really set */
 extern const struct sim_verb peer_ddcci_verbs[];
+extern const struct sim_verb peer_ddcci_wire_verbs[];
 
 #endif

@@ -440,6 +440,6 @@ static bool rtu_take(void *peer, void *session, struct sim_wire_line *line, cons
 }
 
 const struct sim_wire_protocol peer_modbus_tcp = { "modbus-tcp", sizeof(struct peer_modbus_session), tcp_take,
-	                                           unfinished, FRAME_NS, IDLE_NS };
+	                                           unfinished, FRAME_NS, IDLE_NS, NULL };
 const struct sim_wire_protocol peer_modbus_rtu = { "modbus-rtu", sizeof(struct peer_modbus_session), rtu_take,
-	                                           unfinished, FRAME_NS, IDLE_NS };
+	                                           unfinished, FRAME_NS, IDLE_NS, NULL };

@@ -100,9 +100,15 @@ static bool present(struct sim_usb_device *dev)
 	return sim_peer_pad_plugged(of(dev));
 }
 
+/* What nobody has fetched is of before. */
+static void reset(struct sim_usb_device *dev)
+{
+	of(dev)->n = 0;
+}
+
 void sim_peer_usb_init(struct sim_peer_pad *p)
 {
-	static const struct sim_usb_ops ops = { control, in, sim_usb_no_out, sim_usb_no_reset, present };
+	static const struct sim_usb_ops ops = { control, in, sim_usb_no_out, reset, present };
 	size_t n = 0;
 
 	if (!faces[p->kind].device)

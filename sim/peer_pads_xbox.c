@@ -110,6 +110,21 @@ static bool xbox_present(struct sim_usb_device *dev)
 	return true;
 }
 
+/* What nobody has fetched is of before; who is there says so again. */
+static void xbox_reset(struct sim_usb_device *dev)
+{
+	struct sim_xbox_receiver *r = receiver(dev);
+
+	for (size_t i = 0; i < SIM_XBOX_SLOTS; i++) {
+		r->asked[i] = false;
+		if (!r->pad[i])
+			continue;
+		r->pad[i]->n = 0;
+		if (!r->pad[i]->fault_off)
+			joined(r->pad[i]);
+	}
+}
+
 /* Slot of a pad's endpoint; SIM_XBOX_SLOTS: a headset's; -1: none. */
 static int slot_of(uint8_t endpoint)
 {
@@ -207,7 +222,7 @@ static const uint8_t xbox_config[XBOX_CONFIG_BYTES] = {
 
 void sim_xbox_init(struct sim_xbox_receiver *r)
 {
-	static const struct sim_usb_ops ops = { sim_usb_no_control, xbox_in, xbox_out, sim_usb_no_reset, xbox_present };
+	static const struct sim_usb_ops ops = { sim_usb_no_control, xbox_in, xbox_out, xbox_reset, xbox_present };
 
 	*r = (struct sim_xbox_receiver){ .usb = { .ops = &ops,
 						  .speed = SIM_USB_FULL,

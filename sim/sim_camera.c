@@ -8,7 +8,6 @@
 #include <string.h>
 
 #define QUEUE 16
-#define MERGE_PX 2.0f
 #define OWN_RATE_PPM 50.0     /* crystals */
 #define DEVICE_CLOCK_PPM 30.0
 #define TICK_NS 1000
@@ -194,12 +193,21 @@ static struct bb_blob merged(struct bb_blob a, struct bb_blob b)
 	return (struct bb_blob){ a.x_px + (b.x_px - a.x_px) * t, a.y_px + (b.y_px - a.y_px) * t, area };
 }
 
+/* Two round spots of light of which one reaches into the other, or into a pixel beside it, are one to whoever looks for
+ * bright points: on 1000 frames with 15 spots it tells another number than stripes do once (12 times without the pixel). */
+static bool overlap(const struct bb_blob *a, const struct bb_blob *b)
+{
+	const float dx = a->x_px - b->x_px, dy = a->y_px - b->y_px;
+	const float reach = (sqrtf(fmaxf(a->area_px, 0)) + sqrtf(fmaxf(b->area_px, 0))) * 0.56418958f + 1; /* 1 / sqrt(pi) */
+
+	return dx * dx + dy * dy < reach * reach;
+}
+
 static void merge_close(struct bb_blob *blobs, size_t *n)
 {
 	for (size_t i = 0; i < *n; i++)
 		for (size_t j = i + 1; j < *n;) {
-			const float dx = blobs[i].x_px - blobs[j].x_px, dy = blobs[i].y_px - blobs[j].y_px;
-			if (dx * dx + dy * dy >= MERGE_PX * MERGE_PX) {
+			if (!overlap(&blobs[i], &blobs[j])) {
 				j++;
 				continue;
 			}

@@ -6,24 +6,26 @@
 #include "sim/verb_args.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define MS INT64_C(1000000)
 #define LEAST_GAP_NS (8 * MS)
 #define MOST_GAP_NS (16 * MS)
+#define DEAD_ZONE 0.15 /* what a consumer takes for neutral */
 #define QUEUE 128 /* reports: more than a second of them */
 
 struct model {
 	double steps;          /* from neutral to the end of an analogue axis */
 	size_t analogue;       /* axes from there on are a hat: -1, 0, 1 */
 	uint32_t buttons;      /* mask */
-	bool has_rumble;
+	bool has_rumble, tells_battery;
 };
 
 static const struct model models[] = {
-	[BB_PAD_RUMBLEPAD2] = { 127, 4, 0xFFF, true },     /* 8 bits an axis */
-	[BB_PAD_SPACEMOUSE] = { 350, 6, 0x3, false },      /* +-350 counts */
-	[BB_PAD_XBOX360] = { 32767, 4, 0x7FFF, true },
+	[BB_PAD_RUMBLEPAD2] = { 127, 4, 0xFFF, true, false }, /* 8 bits an axis */
+	[BB_PAD_SPACEMOUSE] = { 350, 6, 0x3, false, true },   /* +-350 counts */
+	[BB_PAD_XBOX360] = { 32767, 4, 0x7FF, true, true },
 };
 
 struct pad_values { /* what a report says, in the device's own counts */
@@ -41,7 +43,8 @@ struct sim_gamepad {
 	struct bb_timer timer;
 	float battery;             /* of a script that does not say */
 
-	struct pad_values told;    /* by the last report */
+	struct pad_values told;    /* what the hand did at the last report */
+	bool held;                 /* plugged in again: nothing moves before it was neutral once */
 	uint32_t seq;
 	size_t head, n;            /* of the queue */
 	struct bb_pad_report queue[QUEUE];
@@ -107,10 +110,10 @@ static void report(struct sim_gamepad *sg, const struct pad_values *v, int64_t a
 		sg->head = (sg->head + 1) % QUEUE;
 	else
 		sg->n++;
-	*r = (struct bb_pad_report){ .at_ns = at_ns, .seq = sg->seq++, .buttons = v->buttons, .battery = v->battery };
+	*r = (struct bb_pad_report){ .at_ns = at_ns, .seq = sg->seq++, .buttons = v->buttons,
+		                      .battery = sg->model->tells_battery ? v->battery : NAN };
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
 		r->axis[i] = (float)(v->count[i] / (i < sg->model->analogue ? sg->model->steps : 1.0));
-	sg->told = *v;
 	bb_device_event(&sg->base.dev, BB_EV_REPORT, at_ns, r->seq, r->buttons);
 }
 
@@ -120,14 +123,31 @@ static bool mute(const struct sim_gamepad *sg, const struct pad_values *v)
 	return sg->fault_silence || sg->fault_unplug || v->battery <= 0;
 }
 
+/* What a user is told: as the drivers do it, row H1. */
+static struct pad_values held_back(struct sim_gamepad *sg, const struct pad_values *hand)
+{
+	const struct pad_values at_rest = { .battery = hand->battery };
+	bool neutral_now = !hand->buttons;
+
+	for (size_t i = 0; i < BB_PAD_AXES; i++) {
+		const double steps = i < sg->model->analogue ? sg->model->steps : 1;
+		neutral_now &= abs(hand->count[i]) <= (int32_t)(DEAD_ZONE * steps);
+	}
+	sg->held &= !neutral_now;
+	return sg->held ? at_rest : *hand;
+}
+
 static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct sim_gamepad *sg = bb_container_of(timer, struct sim_gamepad, timer);
-	const struct pad_values v = values_at(sg, scheduled_ns);
+	const struct pad_values hand = values_at(sg, scheduled_ns);
 
 	(void)now_ns;
-	if (!mute(sg, &v) && (!neutral(&v) || !same(&v, &sg->told)))
+	if (!mute(sg, &hand) && (!neutral(&hand) || !same(&hand, &sg->told))) {
+		const struct pad_values v = held_back(sg, &hand);
 		report(sg, &v, scheduled_ns);
+		sg->told = hand;
+	}
 	const double jitter_ns = sim_rng_uniform(&sg->rng) * (double)(MOST_GAP_NS - LEAST_GAP_NS);
 	return scheduled_ns + LEAST_GAP_NS + (int64_t)jitter_ns;
 }
@@ -196,7 +216,8 @@ static enum bb_status sim_open(struct bb_gamepad *g, const struct bb_open *open)
 	sim_rng_seed(&sg->rng, open->seed, "gamepad", g->config.id);
 	sg->battery = (float)(0.6 + 0.35 * sim_rng_uniform(&sg->rng));
 	g->limits = (struct bb_gamepad_limits){ .most_report_gap_ns = MOST_GAP_NS, .axis_step = 1 / sg->model->steps,
-		                                .has_rumble = sg->model->has_rumble, .has_battery = true };
+		                                .has_rumble = sg->model->has_rumble,
+		                                .has_battery = sg->model->tells_battery };
 	enum bb_status status = sim_options_read(&g->dev, open->uri, no_options, sg);
 	if (status == BB_OK)
 		status = load_script(sg, open);
@@ -243,6 +264,8 @@ static enum bb_status verb_unplug(void *device, const struct sim_fault_args *arg
 		return status;
 	sg->fault_unplug = on;
 	sg->n = 0; /* the kernel's queue goes with the node */
+	sg->told = (struct pad_values){ 0 };
+	sg->held = true;
 	return BB_OK;
 }
 

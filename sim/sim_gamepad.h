@@ -1,7 +1,8 @@
 /*
  * sim/sim_gamepad.h: a simulated gamepad or 6-DOF controller that plays an event text. It reports every 8 to 16 ms
  * while any axis is off neutral or something changed, and is silent while idle, as the hardware is. Values are
- * quantised as the model's own reports are. Script time counts from the scene's start. One thread, the clock's.
+ * quantised as the model's own reports are; plugged in again it holds everything at neutral until the hand was neutral
+ * once, as the drivers do. Script time counts from the scene's start. One thread, the clock's.
  *
  * The event text: one event a line, "#" begins a comment, times are seconds and never go back, at most 256 KiB and
  * 8192 events. Errors are 1331 (a line that is no event), 1332 (a number out of range), 1333 (time goes back),

@@ -15,9 +15,15 @@
 #define WRITE_WAIT_NS (50 * MS)
 #define BACK_OFF_NS (50 * MS)      /* times the number of the try */
 #define MOST_TRIES 10
+#define MOST_REQUEST_NS (3300 * MS)  /* ten tries and their back-off */
 #define MOST_TRIES_NO_ACK 3        /* a Null may pass, a missing acknowledge seldom does */
 #define I2C_BYTE_NS (90 * INT64_C(1000)) /* nine bits at 100 kHz */
-#define CAPABILITY_PARTS 9 /* of 32 bytes, and the one that ends it */
+#define REPLY_BYTES (6 + 12)             /* of a Get VCP: question and answer with their addresses */
+#define FRAGMENT_TEXT 32
+#define FRAGMENT_BYTES (7 + 40)
+#define EDID_PART 32
+#define EDID_READS 4 /* of one that is damaged: the first and three more */
+#define WRITES 2     /* of a value that reads back as another */
 #define BOOT_NS (2 * BB_NS_PER_S)
 #define RESTORE_NS BB_NS_PER_S
 #define MAINS_LOOK_NS (100 * MS)
@@ -36,7 +42,7 @@ struct sim_monitor {
 
 	const struct sim_edid_model *model;
 	uint8_t edid[SIM_EDID_MAX_BYTES];
-	size_t edid_bytes, corrupt_at;
+	size_t edid_bytes, corrupt_at, text_bytes;
 	struct vcp_state vcp;
 	uint16_t cabled_input;     /* the one that carries a signal */
 
@@ -50,7 +56,7 @@ struct sim_monitor {
 	int64_t lit_ns;            /* time lit since open */
 	int64_t ready_ns;          /* Null until then */
 
-	bool fault_standby, fault_silent, fault_busy, fault_unplug, fault_corrupt;
+	bool fault_standby, fault_silent, fault_busy, fault_unplug, fault_corrupt, fault_ignore_write;
 	uint16_t before_input, before_luminance; /* what ending the faults "input" and "drift" goes back to */
 };
 
@@ -161,12 +167,27 @@ static enum ddc answer(struct sim_monitor *sm, int64_t at_ns)
 	return DDC_READY;
 }
 
+/* Actions and 02 are written and not read back. */
+static bool unread(uint8_t code)
+{
+	return code == BB_VCP_RESTORE_DEFAULTS || code == BB_VCP_NEW_CONTROL;
+}
+
+static bool read_only(const struct sim_monitor *sm, uint8_t code)
+{
+	struct vcp_state copy = sm->vcp;
+	uint16_t current, most;
+
+	return vcp_get(&copy, code, &current, &most) == BB_OK && vcp_set(&copy, code, current) == BB_ERR_UNSUPPORTED;
+}
+
 static enum bb_status write_value(struct sim_monitor *sm, uint8_t code, uint16_t value, int64_t at_ns)
 {
 	const bool was = lit(sm);
 
 	settle_light(sm, at_ns);
-	const enum bb_status status = vcp_set(&sm->vcp, code, value);
+	struct vcp_state forgotten = sm->vcp;
+	const enum bb_status status = vcp_set(sm->fault_ignore_write ? &forgotten : &sm->vcp, code, value);
 	note_power(sm, was, at_ns);
 	if (status == BB_OK && code == BB_VCP_RESTORE_DEFAULTS && !sm->ideal)
 		sm->ready_ns = at_ns + RESTORE_NS;
@@ -184,7 +205,7 @@ static int64_t perform(struct sim_monitor *sm, int64_t at_ns)
 		r->edid_bytes = sm->edid_bytes;
 		if (sm->fault_corrupt)
 			r->edid[sm->corrupt_at] ^= 0x5A;
-		r->status = BB_OK;
+		r->status = sm->fault_corrupt ? BB_ERR_FORMAT : BB_OK;
 		return (int64_t)r->edid_bytes;
 	case BB_MONITOR_GET:
 		settle_light(sm, at_ns);
@@ -193,6 +214,9 @@ static int64_t perform(struct sim_monitor *sm, int64_t at_ns)
 		return r->current;
 	case BB_MONITOR_SET:
 		r->status = write_value(sm, r->request.code, r->request.value, at_ns);
+		(void)!vcp_get(&sm->vcp, r->request.code, &r->current, &r->most);
+		if (r->status == BB_OK && !unread(r->request.code) && r->current != r->request.value)
+			r->status = BB_ERR_VERIFY;
 		return r->request.value;
 	case BB_MONITOR_CAPABILITIES:
 		r->text_bytes = vcp_text(sm->model->shown, r->text, sizeof(r->text));
@@ -223,7 +247,10 @@ static bool try_once(struct sim_monitor *sm, int64_t at_ns)
 
 	r->tries++;
 	if (ddc == DDC_READY) {
-		finish(sm, at_ns, perform(sm, at_ns));
+		const int64_t value = perform(sm, at_ns);
+		if ((r->status == BB_ERR_FORMAT && r->tries < EDID_READS) || (r->status == BB_ERR_VERIFY && r->tries < WRITES))
+			return false;
+		finish(sm, at_ns, value);
 		return true;
 	}
 	if (r->tries < most)
@@ -238,13 +265,17 @@ static int64_t try_ns(const struct sim_monitor *sm)
 {
 	switch (sm->reply.request.kind) {
 	case BB_MONITOR_EDID:
-		return (int64_t)(3 + sm->edid_bytes) * I2C_BYTE_NS;
+		return (int64_t)(sm->edid_bytes / EDID_PART * (3 + EDID_PART)) * I2C_BYTE_NS;
 	case BB_MONITOR_GET:
-		return (6 + 12) * I2C_BYTE_NS + REPLY_WAIT_NS;
-	case BB_MONITOR_SET:
-		return 8 * I2C_BYTE_NS + WRITE_WAIT_NS;
-	case BB_MONITOR_CAPABILITIES:
-		return CAPABILITY_PARTS * ((7 + 39) * I2C_BYTE_NS + REPLY_WAIT_NS + WRITE_WAIT_NS);
+		return REPLY_BYTES * I2C_BYTE_NS + REPLY_WAIT_NS;
+	case BB_MONITOR_SET: /* and its read-back; what can only be read is asked for and not written */
+		if (read_only(sm, sm->reply.request.code))
+			return REPLY_BYTES * I2C_BYTE_NS + REPLY_WAIT_NS;
+		return 8 * I2C_BYTE_NS + WRITE_WAIT_NS +
+		       (unread(sm->reply.request.code) ? 0 : REPLY_BYTES * I2C_BYTE_NS + REPLY_WAIT_NS);
+	case BB_MONITOR_CAPABILITIES: /* the fragments, the one that ends them, and the waits between them */
+		return (int64_t)(sm->text_bytes / FRAGMENT_TEXT + 2) *
+			       (FRAGMENT_BYTES * I2C_BYTE_NS + REPLY_WAIT_NS + WRITE_WAIT_NS) - WRITE_WAIT_NS;
 	case BB_MONITOR_SAVE:
 		break;
 	}
@@ -364,12 +395,17 @@ static enum bb_status sim_open(struct bb_monitor *m, const struct bb_open *open)
 		bb_log(open->log, BB_LOG_ERROR, BB_BLAME_CONFIG, m->config.id, "%s", m->dev.last_error.detail);
 		return status;
 	}
-	m->limits = (struct bb_monitor_limits){ .reply_wait_ns = sm->ideal ? 0 : REPLY_WAIT_NS,
-		                                .write_wait_ns = sm->ideal ? 0 : WRITE_WAIT_NS,
-		                                .most_tries = MOST_TRIES };
+	m->limits = (struct bb_monitor_limits){ .most_tries = MOST_TRIES };
+	if (!sm->ideal)
+		m->limits = (struct bb_monitor_limits){ .reply_wait_ns = REPLY_WAIT_NS,
+			                                .write_wait_ns = WRITE_WAIT_NS,
+			                                .transfer_ns = FRAGMENT_BYTES * I2C_BYTE_NS,
+			                                .most_request_ns = MOST_REQUEST_NS,
+			                                .most_tries = MOST_TRIES };
 	sm->cabled_input = m->config.input > 0 && m->config.input < 256 ? (uint16_t)m->config.input : VCP_INPUT_DP1;
 	vcp_init(&sm->vcp, sm->cabled_input, sim_timing_line_hz(&timing), sim_timing_rate_hz(&timing),
 	         500 + (uint32_t)(sim_rng_u64(&sm->rng) % 15000));
+	sm->text_bytes = vcp_text(sm->model->shown, sm->reply.text, sizeof(sm->reply.text));
 	status = start(sm);
 	if (status == BB_OK)
 		status = sim_world_register(sm->world, "monitor", m->config.id, sm, sim_monitor_verbs);
@@ -464,6 +500,16 @@ static enum bb_status verb_corrupt_edid(void *device, const struct sim_fault_arg
 	return status;
 }
 
+static enum bb_status verb_ignore_write(void *device, const struct sim_fault_args *args, bool on,
+                                        struct bb_error *err)
+{
+	const enum bb_status status = sim_args_only(args, "", err);
+
+	if (status == BB_OK && device)
+		((struct sim_monitor *)device)->fault_ignore_write = on;
+	return status;
+}
+
 static enum bb_status verb_input(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_monitor *sm = device;
@@ -508,5 +554,6 @@ const struct sim_verb sim_monitor_verbs[] = {
 	{ "drift", "[luminance=N]", "its brightness (VCP 10) moved, to 20 unless told", "luminance=35", verb_drift },
 	{ "unplug", "", "its cable is out: nothing answers", "", verb_unplug },
 	{ "corrupt_edid", "", "one byte of its EDID reads wrong", "", verb_corrupt_edid },
+	{ "ignore_write", "", "it acknowledges a write and does not apply it", "", verb_ignore_write },
 	{ NULL, NULL, NULL, NULL, NULL },
 };

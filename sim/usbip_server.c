@@ -156,16 +156,24 @@ enum bb_status usbip_server_adopt(struct usbip_server *s, size_t item, int fd)
 	return status;
 }
 
-static void welcome(struct usbip_server *s)
+void usbip_server_take(struct usbip_server *s, int fd, const uint8_t *bytes, size_t n)
 {
 	struct usbip_conn *conn;
+
+	if (usbip_conn_create(&s->exports, &conn) != BB_OK || add(s, conn, fd) != BB_OK)
+		close(fd);
+	else if (n && !usbip_conn_feed(conn, bytes, n))
+		drop(s, s->n - 1);
+}
+
+static void welcome(struct usbip_server *s)
+{
 	const int on = 1, fd = accept(s->listener, NULL, NULL);
 
 	if (fd < 0)
 		return;
 	(void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
-	if (usbip_conn_create(&s->exports, &conn) != BB_OK || add(s, conn, fd) != BB_OK)
-		close(fd);
+	usbip_server_take(s, fd, NULL, 0);
 }
 
 /* False: the other end is gone or talks nonsense. */

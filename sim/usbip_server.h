@@ -26,6 +26,8 @@ uint32_t usbip_server_devid(const struct usbip_server *s, size_t item);
 
 /* Listens on 127.0.0.1; port 0 lets the system choose. *port says which it is. BB_ERR_BUSY: taken. */
 BB_MUST_CHECK enum bb_status usbip_server_listen(struct usbip_server *s, uint16_t *port);
+/* A connected socket whose client has said these bytes so far; it becomes the server's own, who closes it when full. */
+void usbip_server_take(struct usbip_server *s, int fd, const uint8_t *bytes, size_t n);
 /* Serves a device on a connected socket, which becomes the server's own. */
 BB_MUST_CHECK enum bb_status usbip_server_adopt(struct usbip_server *s, size_t item, int fd);
 

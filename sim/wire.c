@@ -76,7 +76,8 @@ static void end_session(struct sim_wire *w, size_t i)
 {
 	struct session *s = w->sessions[i];
 
-	close(s->fd);
+	if (s->fd >= 0)
+		close(s->fd);
 	if (s->slave_fd >= 0) {
 		close(s->slave_fd);
 		w->n_ptys--;
@@ -355,6 +356,11 @@ static bool hear(struct session *s, int64_t now_ns)
 	s->heard_ns = now_ns;
 	if (s->wants_token && !hear_token(s, &bytes, &n))
 		return false;
+	if (s->end->protocol->adopt && !s->wants_token) {
+		s->end->protocol->adopt(s->end->peer, s->fd, bytes, n);
+		s->fd = -1;
+		return false;
+	}
 	return !n || s->end->protocol->take(s->end->peer, s->state, &s->line, bytes, n, now_ns);
 }
 
@@ -393,12 +399,15 @@ static void accept_all(struct sim_wire *w, const struct endpoint *end)
 		const int fd = accept4(end->fd, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
 		if (fd < 0)
 			return;
+		setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
+		if (end->protocol->adopt && !end->token[0]) {
+			end->protocol->adopt(end->peer, fd, NULL, 0);
+			continue;
+		}
 		if (w->n_sessions - w->n_ptys >= SIM_WIRE_SESSIONS_MAX || !begin_session(w, end, fd)) {
 			w->n_refused++;
 			close(fd);
-			continue;
 		}
-		setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
 	}
 }
 

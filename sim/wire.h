@@ -27,6 +27,9 @@ struct sim_wire_protocol {
 	/* Is a frame begun and not ended? Such a session has frame_ns to end it, others have idle_ns. */
 	bool (*unfinished)(const void *session);
 	int64_t frame_ns, idle_ns;
+	/* Not NULL: a client that may speak is the peer's own from then on, with the socket (to be closed) and what it has
+	 * said already; nothing above is asked. */
+	void (*adopt)(void *peer, int fd, const uint8_t *bytes, size_t n);
 };
 
 BB_MUST_CHECK enum bb_status sim_wire_create(struct bb_clock *clk, struct sim_wire **out);

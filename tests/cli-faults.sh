@@ -38,6 +38,20 @@ check "node right one frame late for 20 frames" fails_with node/right "at 3s nod
 check "a monitor on the wrong input" fails_with monitor/front-m "at 1s monitor/front-m input value=0x11"
 check "an outlet whose relay is stuck" fails_with power/pdu1 "at boot power/pdu1 stick outlet=2"
 check "the gamepad silent with a deflected stick" fails_with gamepad/pad "at 3s gamepad/pad silence"
+# A low battery and a stuck axis are warnings by name; a room that sets a budget fails on them.
+warned() { # ROOM CODE WORDS FAULT
+	"$program" run "$1" "$scene" --seed 7 --duration 12 --no-pictures --json --out "$work/f" --fault "$4" >"$work/f.json" 2>"$work/err"
+	code=$?
+	[ "$code" = "$2" ] || { echo "exit code $code, want $2"; return 1; }
+	field "$work/f.json" '" ".join(i["culprit"] + " " + i["state"] + " " + i["what"] for i in r["incidents"])' | grep -q "$3"
+}
+mkdir "$work/profiles" "$work/scenes" && cp rooms/profiles/*.yaml "$work/profiles" && cp -r scenes/pads "$work/scenes"
+sed 's/^budgets:/budgets:\n  pad_battery: {min_percent: 15}\n  pad_stuck: {max_s: 8}/' rooms/cabin.yaml >"$work/strict.yaml"
+low="at 1s gamepad/mouse battery level=0.05" stuck="at 0.5s gamepad/mouse stick_axis axis=3 value=0.4"
+check "a low battery is a warning" warned rooms/cabin.yaml 0 "gamepad/mouse WARNING PAD_BATTERY low: 5 %" "$low"
+check "a stuck axis is a warning" warned rooms/cabin.yaml 0 "gamepad/mouse WARNING PAD_DRIFT axis 3" "$stuck"
+check "a low battery beyond the room's budget fails" warned "$work/strict.yaml" 1 "gamepad/mouse WARNING PAD_BATTERY" "$low"
+check "so does a stuck axis" warned "$work/strict.yaml" 1 "gamepad/mouse WARNING PAD_DRIFT" "$stuck"
 check "a shutter stage 900 us off phase" fails_with shutter/chain "at 1s shutter/chain stage_offset stage=left us=900"
 
 for bad in "camera/c3 cover" "at 2s camera/c3 fly" "at 2s camera/nobody cover" "at -1s camera/c3 cover" \
@@ -48,5 +62,5 @@ for bad in "camera/c3 cover" "at 2s camera/c3 fly" "at 2s camera/nobody cover" "
 done
 "$program" run --list-faults >"$work/list"
 check "--list-faults covers every class" sh -c \
-	"for c in shutter camera display monitor power gamepad link node; do grep -q \"^\$c \" '$work/list' || exit 1; done"
+	"for c in shutter camera display monitor power gamepad link node modbus ddc; do grep -q \"^\$c \" '$work/list' || exit 1; done"
 finish

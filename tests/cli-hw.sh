@@ -4,7 +4,7 @@
 . tests/cli.sh.inc
 [ -x "${BB_HW_ROOM:-build/gcc/tests/hw_room}" ] || { echo "SKIP: hw_room is not built"; exit 77; }
 
-"$program" serve rooms/cabin.yaml --modbus-port 0 --pty --json >"$work/serve.json" 2>"$work/err" &
+"$program" serve rooms/cabin.yaml --modbus-port 0 --usbip-port 0 --pty --json >"$work/serve.json" 2>"$work/err" &
 pid=$!
 tries=0
 until grep -q '^}' "$work/serve.json" 2>/dev/null || [ $tries = 100 ]; do

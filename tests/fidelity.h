@@ -102,7 +102,7 @@ static inline int fid_table(const char *class_name, const struct fid_log *const 
 {
 	int apart = 0;
 
-	printf("fidelity %-9s %-24s %7s %7s %7s %7s %9s %10s %9s %7s\n", "class", "rung", "events", "same", "missing",
+	printf("fidelity %-14s %-44s %7s %7s %7s %7s %9s %10s %9s %7s\n", "class", "rung", "events", "same", "missing",
 	       "extra", "in time", "worst us", "of limit", "score");
 	for (size_t i = 0; i < n_logs; i++) {
 		const struct fid_log *a = logs[0], *b = logs[i];
@@ -110,7 +110,7 @@ static inline int fid_table(const char *class_name, const struct fid_log *const 
 		const size_t most = a->n > b->n ? a->n : b->n;
 		const double score = most ? (double)s.in_time / (double)most : 0;
 		const bool agrees = most && most < FID_EVENTS_MAX && s.in_time == most;
-		printf("fidelity %-9s %-24s %7zu %7zu %7zu %7zu %9zu %10.1f %8.0f%% %6.1f%%%s\n", class_name, b->rung, b->n,
+		printf("fidelity %-14s %-44s %7zu %7zu %7zu %7zu %9zu %10.1f %8.0f%% %6.1f%%%s\n", class_name, b->rung, b->n,
 		       s.same, a->n - s.same, b->n - s.same, s.in_time, s.worst_us, s.worst * 100, score * 100,
 		       agrees ? "" : "  DIFFERS");
 		if (!agrees) {

@@ -3,12 +3,12 @@
  * room, or `serve` on loopback as a stand-in. Sims are skipped, and so is every class without a real device, each with
  * the reason. Writes a record of what was found and how it went. Real time.
  *
- * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--standin]
- * Nothing is switched unless it is named. --standin shortens the safety times 600 times and leaves eyes no rest, and is
- * refused for a device that is neither on loopback nor on a pty nor on a virtual CAN: behind those are no lamps.
+ * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--switch MONITOR]... [--standin]
+ * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600
+ * times and leaves eyes no rest; it is refused for a power strip or a chain that is neither on loopback nor on a pty nor
+ * on a virtual CAN: behind those are no lamps.
  */
 #include "tests/power_contract.h"
-#include "tests/shutter_contract.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -36,8 +36,9 @@ struct hw {
 		char name[96], reason[160], found[160];
 		struct bb_power_config power;
 		void (*check)(struct power_bench *);
-		void (*shutter_check)(struct shutter_bench *);
-		CMUnitTestFunction test; /* NULL: check_power */
+		void (*run)(struct row *row); /* NULL: skipped, for the reason */
+		const void *config;           /* its class's */
+		size_t step;                  /* of its class's checks */
 		const char *result;
 	} row[ROWS_MAX];
 };
@@ -89,16 +90,10 @@ static void outlets_are_known(struct power_bench *t)
 	snprintf(row->found, sizeof(row->found), "%zu of %zu outlets on, %.2f A", on, t->config->n_outlets, total_a);
 }
 
-static void check_power(void **state)
+static void run_power(struct row *row)
 {
-	struct row *row = *state;
 	struct power_bench t = { .clk = row->hw->clk, .config = &row->power, .early = 0.5, .impl = row };
 
-	if (!row->check) {
-		print_message("SKIP: %s: %s\n", row->name, row->reason);
-		row->result = "skip";
-		skip();
-	}
 	for (size_t i = 0; i < row->hw->n_switches; i++) {
 		char name[2 * BB_ID_MAX];
 		for (size_t o = 0; o < row->power.n_outlets; o++) {
@@ -112,7 +107,6 @@ static void check_power(void **state)
 	t.age_ns = bb_power_limits(t.p)->settle_ns;
 	row->check(&t);
 	bb_power_close(t.p);
-	row->result = "pass";
 }
 
 static struct row *add_row(struct hw *hw, const char *class_name, const char *id, const char *device, const char *what)
@@ -124,8 +118,6 @@ static struct row *add_row(struct hw *hw, const char *class_name, const char *id
 	snprintf(row->name, sizeof(row->name), "%s%s%s%s%s", class_name, id[0] ? "/" : "", id, what[0] ? ": " : "", what);
 	return row;
 }
-
-#include "tests/hw_shutter.h"
 
 static bool may_switch(const struct hw *hw, const char *id)
 {
@@ -154,13 +146,14 @@ static void add_power(struct hw *hw, const struct bb_power_config *config)
 			return;
 		row->power = *config;
 		row->check = checks[i].check;
+		row->run = run_power;
 		if (hw->standin && harmless(config->device)) {
 			row->power.safety.outlet_least_off_s /= 600;
 			row->power.safety.outlet_least_on_s /= 600;
 			row->power.safety.outlet_stagger_ms /= 600;
 		}
 		if (checks[i].switches && !may_switch(hw, config->id)) {
-			row->check = NULL;
+			row->run = NULL;
 			snprintf(row->reason, sizeof(row->reason), "no outlet of it may be switched: SWITCH=%s/N allows one", config->id);
 		}
 	}
@@ -171,6 +164,24 @@ static void add_power(struct hw *hw, const struct bb_power_config *config)
 static bool simulated(const char *device)
 {
 	return !device[0] || !strncmp(device, "sim:", 4);
+}
+
+#include "tests/hw_camera.h"
+#include "tests/hw_gamepad.h"
+#include "tests/hw_monitor.h"
+#include "tests/hw_shutter.h"
+
+static void check_row(void **state)
+{
+	struct row *row = *state;
+
+	if (!row->run) {
+		print_message("SKIP: %s: %s\n", row->name, row->reason);
+		row->result = "skip";
+		skip();
+	}
+	row->run(row);
+	row->result = "pass";
 }
 
 /* A class without a contract for real devices here, or without a real device. */
@@ -200,24 +211,22 @@ static void collect(struct hw *hw)
 	const struct bb_room *r = hw->room;
 	size_t n_real;
 
-	if (r->has_chain && !simulated(r->chain.device))
-		hw_add_shutter(hw);
-	else
+	if (!add_shutters(hw))
 		skip_class(hw, "shutter", r->has_chain, 0);
-	COUNT_REAL(r->cameras, r->n_cameras, n_real);
-	skip_class(hw, "camera", r->n_cameras, n_real);
+	if (!add_cameras(hw))
+		skip_class(hw, "camera", r->n_cameras, 0);
 	COUNT_REAL(&r->screens[0].display, r->n_screens ? 1 : 0, n_real);
 	skip_class(hw, "display", r->n_screens, n_real);
-	COUNT_REAL(r->monitors, r->n_monitors, n_real);
-	skip_class(hw, "monitor", r->n_monitors, n_real);
+	if (!add_monitors(hw))
+		skip_class(hw, "monitor", r->n_monitors, 0);
 	COUNT_REAL(r->pdus, r->n_pdus, n_real);
 	if (!n_real)
 		skip_class(hw, "power", r->n_pdus, 0);
 	for (size_t i = 0; i < r->n_pdus; i++)
 		if (!simulated(r->pdus[i].device))
 			add_power(hw, &r->pdus[i]);
-	COUNT_REAL(r->gamepads, r->n_gamepads, n_real);
-	skip_class(hw, "gamepad", r->n_gamepads, n_real);
+	if (!add_gamepads(hw))
+		skip_class(hw, "gamepad", r->n_gamepads, 0);
 	skip_class(hw, "link", 1, !simulated(r->link.device));
 }
 
@@ -312,8 +321,7 @@ int main(int argc, char **argv)
 	} else if (standin_is_one(hw) && bb_clock_posix_create(&hw->clk) == BB_OK) {
 		collect(hw);
 		for (size_t i = 0; i < hw->n_rows; i++)
-			tests[i] = (struct CMUnitTest){ hw->row[i].name, hw->row[i].test ? hw->row[i].test : check_power, NULL, NULL,
-				                         &hw->row[i] };
+			tests[i] = (struct CMUnitTest){ hw->row[i].name, check_row, NULL, NULL, &hw->row[i] };
 		const int failed = _cmocka_run_group_tests("room", tests, hw->n_rows, NULL, NULL);
 		code = write_record(hw);
 		code = code ? code : failed != 0;

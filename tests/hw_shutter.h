@@ -71,9 +71,20 @@ static bool hw_shutter_ready(struct row *row, struct shutter_bench *t)
 	return true;
 }
 
-static void hw_shutter_check(void **state)
+static const struct {
+	const char *what;
+	void (*check)(struct shutter_bench *);
+} shutter_checks[] = {
+	{ "limits hold the room's chain", shutter_limits_hold },
+	{ "edges alternate at the rate", shutter_edges_alternate },
+	{ "a phase moves one stage", shutter_phase_moves },
+	{ "arguments are checked", shutter_arguments_are_checked },
+	{ "open eyes see no edges", shutter_open_stops },
+	{ "small pieces lose nothing", shutter_small_pieces_lose_nothing },
+};
+
+static void run_shutter(struct row *row)
 {
-	struct row *row = *state;
 	struct shutter_bench *t = calloc(1, sizeof(*t));
 	const int64_t rest_ns = (int64_t)(bb_safety_ceilings().transition_gap_s * 1e9);
 
@@ -87,34 +98,27 @@ static void hw_shutter_check(void **state)
 		fail_msg("cannot be opened: %s", row->reason);
 	if (!hw_shutter_ready(row, t))
 		fail_msg("%s", row->reason);
-	row->shutter_check(t);
+	shutter_checks[row->step].check(t);
 	shutter_collect(t, t->rest_ns);
 	bb_shutter_close(t->sh);
 	free(t);
-	row->result = "pass";
 }
 
-static void hw_add_shutter(struct hw *hw)
+/* How many real ones there are. */
+static size_t add_shutters(struct hw *hw)
 {
-	static const struct {
-		const char *what;
-		void (*check)(struct shutter_bench *);
-	} checks[] = {
-		{ "limits hold the room's chain", shutter_limits_hold },
-		{ "edges alternate at the rate", shutter_edges_alternate },
-		{ "a phase moves one stage", shutter_phase_moves },
-		{ "arguments are checked", shutter_arguments_are_checked },
-		{ "open eyes see no edges", shutter_open_stops },
-		{ "small pieces lose nothing", shutter_small_pieces_lose_nothing },
-	};
+	const struct bb_shutter_config *chain = &hw->room->chain;
 
-	for (size_t i = 0; i < sizeof(checks) / sizeof(checks[0]); i++) {
-		struct row *row = add_row(hw, "shutter", hw->room->chain.id, hw->room->chain.device, checks[i].what);
+	if (!hw->room->has_chain || simulated(chain->device))
+		return 0;
+	for (size_t step = 0; step < BB_ARRAY_LEN(shutter_checks); step++) {
+		struct row *row = add_row(hw, "shutter", chain->id, chain->device, shutter_checks[step].what);
 		if (!row)
-			return;
-		row->test = hw_shutter_check;
-		row->shutter_check = checks[i].check;
+			break;
+		row->run = run_shutter;
+		row->step = step;
 	}
+	return 1;
 }
 
 #endif

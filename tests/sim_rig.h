@@ -38,12 +38,13 @@ static inline void rig_sink(void *ctx, const struct bb_event *events, size_t n)
 		rig->on_event(rig->ctx, &events[i]);
 }
 
-static inline struct rig *rig_create(uint64_t seed, int fidelity)
+/* The clock becomes the rig's. */
+static inline struct rig *rig_create_on(struct bb_clock *clk, uint64_t seed, int fidelity)
 {
 	struct rig *rig = calloc(1, sizeof(*rig));
 
 	assert_non_null(rig);
-	assert_int_equal(bb_clock_virtual_create(&rig->clk), BB_OK);
+	rig->clk = clk;
 	rig->events = calloc(1, sizeof(*rig->events));
 	assert_non_null(rig->events);
 	bb_eventlog_init(rig->events, rig_sink, rig);
@@ -62,6 +63,14 @@ static inline struct rig *rig_create(uint64_t seed, int fidelity)
 	rig->open = (struct bb_open){ .clk = rig->clk, .events = rig->events, .uri = &rig->uri, .seed = seed,
 		                      .fidelity = fidelity, .world = rig->world };
 	return rig;
+}
+
+static inline struct rig *rig_create(uint64_t seed, int fidelity)
+{
+	struct bb_clock *clk;
+
+	assert_int_equal(bb_clock_virtual_create(&clk), BB_OK);
+	return rig_create_on(clk, seed, fidelity);
 }
 
 static inline void rig_destroy(struct rig *rig)

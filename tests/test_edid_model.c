@@ -151,7 +151,7 @@ static void test_models(void **state)
 }
 
 /* "EDID conformity: PASS" of a program that knows nothing of ours. */
-static void check_with_edid_decode(const uint8_t *edid, size_t n)
+static void check_with_edid_decode(const uint8_t *edid, size_t n, const struct sim_edid_spec *spec)
 {
 	char path[] = "/tmp/bb-edid-XXXXXX", command[128], line[256];
 	bool pass = false;
@@ -171,7 +171,9 @@ static void check_with_edid_decode(const uint8_t *edid, size_t n)
 	}
 	pclose(f);
 	unlink(path);
-	assert_true(pass);
+	if (!pass)
+		fail_msg("%s, %d x %d at %.3f Hz, serial %u", spec->model->name, spec->width_px, spec->height_px,
+		         bb_rate_hz(spec->rate), spec->serial);
 }
 
 static void test_edid_decode(void **state)
@@ -181,16 +183,30 @@ static void test_edid_decode(void **state)
 		print_message("skipped: edid-decode is not installed (package edid-decode)\n");
 		skip();
 	}
-	for (size_t i = 0; sim_edid_model_at(i); i++) {
-		const struct sim_edid_model *m = sim_edid_model_at(i);
-		const struct bb_rate rate = { (uint32_t)m->rate_hz, 1 };
-		const struct sim_edid_spec spec = { m, m->width_px, m->height_px, rate, 416, false };
-		uint8_t out[SIM_EDID_MAX_BYTES];
-		size_t n;
-		assert_int_equal(sim_edid_make(&spec, out, &n), BB_OK);
-		print_message("%s\n", m->name);
-		check_with_edid_decode(out, n);
-	}
+	/* Sizes and rates from the least a room may name to the most a descriptor holds, in every kind of EDID there is. */
+	static const int sizes[][2] = { { 64, 64 },     { 640, 480 },   { 800, 600 },   { 1000, 500 },  { 1024, 768 },
+		                        { 1280, 720 },  { 1280, 1024 }, { 1366, 768 },  { 1400, 1050 }, { 1600, 1200 },
+		                        { 1920, 1080 }, { 1920, 1200 }, { 2560, 1080 }, { 2560, 1440 }, { 2560, 1600 },
+		                        { 3440, 1440 }, { 3840, 2160 }, { 4095, 100 },  { 100, 4000 } };
+	static const struct bb_rate rates[] = { { 10, 1 }, { 24, 1 }, { 50, 1 },  { 60000, 1001 }, { 60, 1 },
+		                                { 96, 1 }, { 120, 1 }, { 144, 1 }, { 240, 1 },      { 1000, 1 } };
+	static const uint32_t serials[] = { 0, 416, 9999999 };
+	unsigned int made = 0;
+
+	for (size_t i = 0; sim_edid_model_at(i); i++)
+		for (size_t k = 0; k < BB_ARRAY_LEN(sizes) * BB_ARRAY_LEN(rates); k++) {
+			const int *px = sizes[k / BB_ARRAY_LEN(rates)];
+			const struct sim_edid_spec spec = { sim_edid_model_at(i), px[0], px[1], rates[k % BB_ARRAY_LEN(rates)],
+				                            serials[(i + k) % 3], (i + k) % 2 };
+			uint8_t out[SIM_EDID_MAX_BYTES];
+			size_t n;
+			if (sim_edid_make(&spec, out, &n) != BB_OK)
+				continue;
+			made++;
+			check_with_edid_decode(out, n, &spec);
+		}
+	print_message("edid-decode passes all %u\n", made);
+	assert_true(made > 300);
 }
 
 int main(void)

@@ -6,6 +6,7 @@
 #include "drivers/vcp_capabilities.h"
 #include "tests/fault_table.h"
 #include "sim/bus_sim_i2c.h"
+#include "tests/monitor_numbers.h"
 #include "tests/sim_rig.h"
 
 #include <stdio.h>
@@ -14,6 +15,7 @@ struct bench {
 	struct rig *rig;
 	struct peer_ddcci *peer;
 	struct bb_monitor *m;
+	struct bb_i2c_bus *bus;
 	const struct monitor_ddc_report *report;
 };
 
@@ -29,11 +31,10 @@ static struct bench begin(void)
 					     .rate = { 60, 1 },
 					     .input = 0x0F };
 	struct bench t = { .rig = rig_create(11, 1) };
-	struct bb_i2c_bus *bus;
 
 	assert_int_equal(peer_ddcci_create(&c, t.rig->world, 11, 0, &t.peer), BB_OK);
-	assert_int_equal(bus_sim_i2c_create(t.rig->clk, t.peer, NULL, &bus), BB_OK);
-	assert_int_equal(monitor_ddc_open_on(bus, &c, &t.rig->open, &t.m), BB_OK);
+	assert_int_equal(bus_sim_i2c_create(t.rig->clk, t.peer, NULL, &t.bus), BB_OK);
+	assert_int_equal(monitor_ddc_open_on(t.bus, &c, &t.rig->open, &t.m), BB_OK);
 	t.report = monitor_ddc_report(t.m);
 	return t;
 }
@@ -74,9 +75,14 @@ static struct bb_monitor_reply ask(struct bench *t, enum bb_monitor_request_kind
 	return take(t);
 }
 
+/* Of the thing, or of its wires. */
 static void inject(struct bench *t, const char *verb, bool on)
 {
-	assert_int_equal(rig_fault(t->rig, "monitor", "m1", verb, "", on), BB_OK);
+	const struct sim_verb *v = peer_ddcci_wire_verbs;
+
+	while (v->name && strcmp(v->name, verb))
+		v++;
+	assert_int_equal(rig_fault(t->rig, v->name ? "ddc" : "monitor", "m1", verb, "", on), BB_OK);
 }
 
 /* Lets time pass in steps of 1 ms until health (and fault, unless NONE) is this. Returns how long that took, ms. */
@@ -358,6 +364,36 @@ static void test_d7(void **state)
 	end(&other);
 }
 
+/* The adapter under it comes and goes: five times a minute is life, six is a fault, and only a hand lifts that. */
+static void test_flaps(void **state)
+{
+	(void)state;
+	struct bench t = begin();
+
+	for (int i = 0; i < 12; i++) {
+		t.bus->n_reopened++;
+		assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_OK);
+		rig_pass(t.rig, 12500 * RIG_MS);
+	}
+	for (int i = 0; i < 4; i++) {
+		t.bus->n_reopened++;
+		(void)ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0);
+	}
+	const struct ddc_health *h = &monitor_ddc_report(t.m)->health;
+	assert_true(h->health == BB_HEALTH_QUARANTINED && h->fault == DDC_FAULT_FLAPS);
+	fault_row("", "adapter replugged six times a minute", "BUS_FLAPS", 0, 0, BB_NEVER);
+	check_named(&t, "BUS_FLAPS");
+	const uint64_t then = monitor_ddc_report(t.m)->transfers;
+	rig_pass(t.rig, 100 * RIG_S);
+	assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_ERR_IO);
+	assert_int_equal(monitor_ddc_report(t.m)->transfers, then);
+	monitor_ddc_release(t.m);
+	until(&t, BB_HEALTH_OK, DDC_FAULT_NONE, 1000);
+	t.bus->n_reopened++;
+	assert_int_equal(ask(&t, BB_MONITOR_GET, BB_VCP_LUMINANCE, 0).status, BB_OK);
+	end(&t);
+}
+
 static void test_d8(void **state)
 {
 	(void)state;
@@ -370,7 +406,7 @@ static void test_d8(void **state)
 	const uint64_t writes = peer_ddcci_counts(t.peer)->writes;
 	const struct bb_monitor_reply r = ask(&t, BB_MONITOR_SET, BB_VCP_LUMINANCE, 60);
 	const double found_ms = (double)(r.done_ns - start_ns) / 1e6;
-	assert_int_equal(r.status, BB_ERR_IO);
+	assert_int_equal(r.status, BB_ERR_VERIFY);
 	assert_true(r.current == 40 && r.tries == 2);
 	assert_int_equal(peer_ddcci_counts(t.peer)->writes, writes + 2); /* once more, then the alarm */
 	assert_int_equal(monitor_ddc_report(t.m)->health.fault, DDC_FAULT_VERIFY);
@@ -403,6 +439,7 @@ static void test_d9(void **state)
 	const double found_ms = until(&t, BB_HEALTH_DEGRADED, DDC_FAULT_EDID, 100);
 	check_named(&t, "EDID_BAD 1: block 0");
 	const struct bb_monitor_reply bad = take(&t);
+	assert_int_equal(bad.status, BB_ERR_FORMAT);
 	assert_int_equal(bad.tries, 4); /* and three more */
 	assert_int_equal(bad.edid_bytes, 256);
 	assert_memory_not_equal(bad.edid, whole.edid, 256);
@@ -448,44 +485,19 @@ static void test_health(void **state)
 	assert_int_equal(h.health, BB_HEALTH_OK);
 }
 
-static void test_quirks_histogram(void **state)
+static void test_quirks_numbers(void **state)
 {
 	(void)state;
-	static const struct {
-		const char *name;
-		struct peer_quirks quirks;
-	} displays[] = {
-		{ "clean", { .think_ns = 30 * RIG_MS } },
-		{ "2 % busy", { .think_ns = 30 * RIG_MS, .busy_percent = 2 } },
-		{ "20 % busy", { .think_ns = 30 * RIG_MS, .busy_percent = 20 } },
-		{ "doubled source byte", { .think_ns = 30 * RIG_MS, .doubled_source = true } },
-		{ "Null for unsupported", { .think_ns = 30 * RIG_MS, .null_for_unsupported = true } },
-		{ "zeros for unsupported", { .think_ns = 30 * RIG_MS, .zero_for_unsupported = true } },
-		{ "answers after 60 ms", { .think_ns = 60 * RIG_MS } },
-		{ "all of them, 5 % busy", { true, true, false, true, false, 60 * RIG_MS, 5 } },
-	};
-	static const uint8_t codes[] = { 0x10, 0x12, 0x60, 0x16, 0xD6, 0x59, 0xDF, 0xC0 };
+	static struct numbers v;
 
-	print_message("%-24s %6s  tries 1..10 of 400 gets, one in eight of a code it does not have\n", "display",
-		      "mean");
-	for (size_t k = 0; k < BB_ARRAY_LEN(displays); k++) {
+	numbers_head();
+	for (size_t k = 0; k < BB_ARRAY_LEN(numbers_displays); k++) {
 		struct bench t = begin();
-		char line[120] = "";
-		uint64_t all = 0;
-		*peer_ddcci_quirks(t.peer) = displays[k].quirks;
-		for (int i = 0; i < 400; i++) {
-			const uint8_t code = codes[i % 8];
-			const struct bb_monitor_reply r = ask(&t, BB_MONITOR_GET, code, 0);
-			assert_int_equal(r.status, code == 0x59 ? BB_ERR_UNSUPPORTED : BB_OK);
-		}
-		const struct monitor_ddc_report *report = monitor_ddc_report(t.m);
-		for (uint64_t n = 1; n <= 10; n++) {
-			all += n * report->tries[n];
-			snprintf(line + strlen(line), sizeof(line) - strlen(line), " %llu",
-				 (unsigned long long)report->tries[n]);
-		}
-		print_message("%-24s %6.2f %s\n", displays[k].name, (double)all / 400, line);
-		assert_true((double)all / 400 <= 1.4);
+		*peer_ddcci_quirks(t.peer) = numbers_displays[k].quirks;
+		numbers_measure(&v, t.m, t.rig->clk, RIG_MS / 10, 400);
+		numbers_print(&numbers_displays[k], &v);
+		assert_int_equal(v.wrong, 0);
+		assert_true(v.mean_tries <= numbers_displays[k].most_mean);
 		end(&t);
 	}
 }
@@ -515,7 +527,7 @@ static void test_long_edid(void **state)
 	/* It says five and has two: what is not there is left out and said. */
 	assert_int_equal(peer_ddcci_set_edid(t.peer, big, 256), BB_OK);
 	r = ask(&t, BB_MONITOR_EDID, 0, 0);
-	assert_int_equal(r.status, BB_OK);
+	assert_int_equal(r.status, BB_ERR_FORMAT);
 	assert_int_equal(r.edid_bytes, 256);
 	check_named(&t, "EDID_BAD");
 	/* It says 255. */
@@ -523,7 +535,33 @@ static void test_long_edid(void **state)
 	big[126] = 255;
 	assert_int_equal(peer_ddcci_set_edid(t.peer, big, 1024), BB_OK);
 	r = ask(&t, BB_MONITOR_EDID, 0, 0);
+	assert_int_equal(r.status, BB_OK);
 	assert_int_equal(r.edid_bytes, 1024);
+	end(&t);
+}
+
+/* What was learned of one display is forgotten when another is on its bus. */
+static void test_another_display(void **state)
+{
+	(void)state;
+	struct bench t = begin();
+	struct bb_monitor_reply r = ask(&t, BB_MONITOR_EDID, 0, 0);
+	uint8_t edid[256];
+
+	peer_ddcci_quirks(t.peer)->null_for_unsupported = true;
+	peer_ddcci_quirks(t.peer)->doubled_source = true;
+	assert_int_equal(ask(&t, BB_MONITOR_GET, 0x59, 0).status, BB_ERR_UNSUPPORTED);
+	const struct monitor_ddc_report *report = monitor_ddc_report(t.m);
+	assert_true(report->null_means == DDC_NULL_UNSUPPORTED && report->doubled_source);
+	assert_int_equal(ask(&t, BB_MONITOR_EDID, 0, 0).status, BB_OK); /* the same: nothing is forgotten */
+	assert_int_equal(monitor_ddc_report(t.m)->null_means, DDC_NULL_UNSUPPORTED);
+	memcpy(edid, r.edid, sizeof(edid));
+	edid[12]++; /* the serial, and the sum as it was */
+	edid[127]--;
+	assert_int_equal(peer_ddcci_set_edid(t.peer, edid, sizeof(edid)), BB_OK);
+	assert_int_equal(ask(&t, BB_MONITOR_EDID, 0, 0).status, BB_OK);
+	report = monitor_ddc_report(t.m);
+	assert_true(report->null_means == DDC_NULL_UNKNOWN && !report->doubled_source);
 	end(&t);
 }
 
@@ -586,6 +624,7 @@ static void test_verbs(void **state)
 	struct bench t = begin();
 
 	rig_check_verbs(t.rig, "monitor", "m1", peer_ddcci_verbs);
+	rig_check_verbs(t.rig, "ddc", "m1", peer_ddcci_wire_verbs);
 	end(&t);
 }
 
@@ -599,10 +638,12 @@ int main(void)
 		cmocka_unit_test(test_d5),
 		cmocka_unit_test(test_d6),
 		cmocka_unit_test(test_d7),
+		cmocka_unit_test(test_flaps),
 		cmocka_unit_test(test_d8),
 		cmocka_unit_test(test_d9),
-		cmocka_unit_test(test_quirks_histogram),
+		cmocka_unit_test(test_quirks_numbers),
 		cmocka_unit_test(test_long_edid),
+		cmocka_unit_test(test_another_display),
 		cmocka_unit_test(test_capabilities),
 		cmocka_unit_test(test_bad_opens),
 		cmocka_unit_test(test_verbs),

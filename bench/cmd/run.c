@@ -13,7 +13,7 @@ static const struct bb_cli_option options[] = {
 	{ "out", "DIR", "result folder (default build/results/ROOM-SCENE)" },
 	{ "json", NULL, "print result.json on standard output" },
 	{ "clock", "virtual|posix", "virtual time (default), or real time with everything drawn" },
-	{ "gl", "auto|osmesa|egl", "offscreen GL context" },
+	{ "gl", "auto|osmesa|egl|cpu", "offscreen GL context, or none: native code" },
 	{ "fault", "TEXT", "plant a fault, e.g. \"at 2.0s camera/c3 cover for 3s\" (repeatable)" },
 	{ "fault-file", "FILE", "plant the faults of a file, one a line" },
 	{ "list-faults", NULL, "print every fault verb and what it means" },
@@ -133,8 +133,8 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_run_options
 	o->pictures = !bb_cli_has(cli, "no-pictures");
 	if (!o->posix_clock && strcmp(clock, "virtual"))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--clock %s: want virtual or posix", clock);
-	if (strcmp(o->gl, "auto") && strcmp(o->gl, "osmesa") && strcmp(o->gl, "egl"))
-		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--gl %s: want auto, osmesa or egl", o->gl);
+	if (strcmp(o->gl, "auto") && strcmp(o->gl, "osmesa") && strcmp(o->gl, "egl") && strcmp(o->gl, "cpu"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--gl %s: want auto, osmesa, egl or cpu", o->gl);
 	return BB_OK;
 }
 

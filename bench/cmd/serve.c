@@ -23,10 +23,11 @@
 #define WAIT_MOST_NS (BB_NS_PER_S / 5)
 
 /* The wires there are, in the order they are printed. */
-static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus, &bb_serve_can };
+static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus, &bb_serve_usbip, &bb_serve_can };
 
 static const struct bb_cli_option options[] = {
 	{ "modbus-port", "N", "port of the first power strip, the next ones follow; 0: any free ones (1502)" },
+	{ "usbip-port", "N", "port of the USB devices, all on one; 0: any free one (3240)" },
 	{ "pty", NULL, "serial devices too: Modbus RTU, a pty each" },
 	{ "can", "INTERFACE", "the shutter chain as CANopen controllers on that interface, which is up: vcan0" },
 	{ "can-hardware", NULL, "the interface has a cable, and nothing real is on it" },
@@ -281,7 +282,8 @@ static int command(const struct bb_cli *cli)
 const struct bb_command bb_cmd_serve = {
 	"serve",
 	"the simulated devices of a room on wires that other programs can open",
-	"ROOM [--modbus-port N] [--pty] [--can INTERFACE] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] [--json]",
+	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--can INTERFACE] [--bind ADDRESS --token-file FILE] "
+	"[--fault TEXT]... [--for S] [--json]",
 	options,
 	1,
 	1,

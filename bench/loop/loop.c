@@ -200,8 +200,7 @@ static bool take_memory(struct bb_frame_loop *l)
 	l->camera_used = calloc(r->n_cameras + 1, sizeof(*l->camera_used));
 	l->camera_slot = calloc(r->n_cameras + 1, sizeof(*l->camera_slot));
 	l->gamepad_slot = calloc(r->n_gamepads + 1, sizeof(*l->gamepad_slot));
-	l->pad = calloc(r->n_gamepads + 1, sizeof(*l->pad));
-	l->pad_seen = calloc(r->n_gamepads + 1, sizeof(*l->pad_seen));
+	l->pads = calloc(r->n_gamepads + 1, sizeof(*l->pads));
 	l->node_slot = calloc(r->n_nodes + 1, sizeof(*l->node_slot));
 	l->flipped = calloc(r->n_screens + 1, sizeof(*l->flipped));
 	l->display_slot = calloc(r->n_screens + 1, sizeof(*l->display_slot));
@@ -209,7 +208,7 @@ static bool take_memory(struct bb_frame_loop *l)
 	l->blobs = calloc(TRACK_READS_MAX, BB_CAMERA_BLOBS_MAX * sizeof(*l->blobs));
 	l->result->path = calloc(l->path_cap, sizeof(*l->result->path));
 	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_same && l->camera_astray && l->camera_sum && l->camera_phase_ns && l->camera_phased && l->camera_unused && l->camera_used && l->camera_slot &&
-	       l->gamepad_slot && l->pad && l->pad_seen && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
+	       l->gamepad_slot && l->pads && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
 	       l->result->path;
 }
 
@@ -270,8 +269,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	free(l->camera_used);
 	free(l->camera_slot);
 	free(l->gamepad_slot);
-	free(l->pad);
-	free(l->pad_seen);
+	free(l->pads);
 	free(l->node_slot);
 	free(l->display_slot);
 	free(l->flipped);

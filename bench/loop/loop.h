@@ -58,6 +58,17 @@ struct bb_frame {
 
 struct bb_frame_loop;
 
+struct bb_pad { /* one gamepad */
+	struct bb_pad_report report;      /* newest */
+	bool seen, gone;
+	int64_t let_go_ns;                /* since when it is silent or gone; 0: it is not */
+	float held[BB_PAD_AXES];          /* where each axis stands, and since when */
+	int64_t held_ns[BB_PAD_AXES];
+	uint32_t stuck;                   /* bit i: axis i has been told of, */
+	size_t stuck_warning[BB_PAD_AXES]; /* by this */
+	bool drift_told, battery_told;
+};
+
 struct bb_node_machine { /* one node of the room */
 	struct bb_frame_loop *loop;
 	uint16_t index;
@@ -124,8 +135,7 @@ struct bb_frame_loop {
 	double *camera_phase_ns;          /* that place */
 	bool *camera_phased;
 	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
-	struct bb_pad_report *pad;        /* newest report by gamepad */
-	bool *pad_seen;
+	struct bb_pad *pads;              /* by gamepad */
 	int64_t pad_read_ns;
 	size_t shutter_slot, polarity_slot, rhythm_slot; /* all "shutter/<chain>": each can fail on its own */
 	uint64_t doubled_seen;

@@ -15,7 +15,7 @@
 
 struct bb_serve_row { /* one device on one wire, as it is printed */
 	char wire[16], device[BB_ID_MAX + 16];
-	char where[96];       /* "127.0.0.1:1502", "/dev/pts/4" */
+	char where[96];       /* "127.0.0.1:1502", "/dev/pts/4", "127.0.0.1:3240 1-2" */
 	char attach[160];     /* what to write or to type to use it */
 };
 
@@ -41,7 +41,7 @@ struct bb_serve_kind { /* a table of these ends with name == NULL */
 	int64_t (*step)(struct bb_serve *s, void *state, int64_t now_ns);
 	void (*detach)(struct bb_serve *s, void *state); /* state may be NULL */
 };
-extern const struct bb_serve_kind bb_serve_modbus, bb_serve_can;
+extern const struct bb_serve_kind bb_serve_modbus, bb_serve_usbip, bb_serve_can;
 
 /* The next free row, or NULL with error 1571. */
 struct bb_serve_row *bb_serve_add(struct bb_serve *s, const char *wire, const char *class_name, const char *id,

@@ -1,35 +1,11 @@
 #include "render/bricks/values.h"
+#include "render/half.h"
 
 #include <lz4.h>
 #include <string.h>
 #include <zstd.h>
 
 #define ZSTD_LEVEL 3
-
-/* To the nearest half, ties to even, of a value in 0..1 (IEEE 754 binary16). */
-static uint16_t to_half(float v)
-{
-	uint32_t bits;
-
-	if (!(v > 0))
-		return 0;
-	if (v < 0x1p-14f) /* denormal: units of 2^-24 */
-		return (uint16_t)(v * 0x1p24f + 0.5f);
-	memcpy(&bits, &v, 4);
-	bits += 0xFFF + (bits >> 13 & 1);
-	return (uint16_t)((bits >> 13) - (112u << 10));
-}
-
-static float from_half(uint16_t h)
-{
-	const uint32_t bits = ((uint32_t)(h & 0x7FFF) << 13) + (112u << 23);
-	float v;
-
-	if (!(h & 0x7C00))
-		return (float)(h & 0x3FF) * 0x1p-24f;
-	memcpy(&v, &bits, 4);
-	return v;
-}
 
 static float part_of(const struct bb_bricks_header *h, float v)
 {
@@ -49,7 +25,7 @@ void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n,
 	case BB_BRICK_F16:
 		for (size_t i = 0; i < n; i++) {
 			const float part = part_of(h, v[i]);
-			const uint16_t q = h->type == BB_BRICK_F16 ? to_half(part) : (uint16_t)(part * 65535 + 0.5f);
+			const uint16_t q = h->type == BB_BRICK_F16 ? bb_to_half(part) : (uint16_t)(part * 65535 + 0.5f);
 			out[2 * i] = (uint8_t)(q & 0xff);
 			out[2 * i + 1] = (uint8_t)(q >> 8);
 		}
@@ -74,7 +50,7 @@ void bb_values_load(const struct bb_bricks_header *h, const uint8_t *bytes, size
 		for (size_t i = 0; i < n; i++) {
 			const uint16_t q = (uint16_t)(bytes[2 * i] | bytes[2 * i + 1] << 8);
 			out[i] = (float)(h->least +
-					 span * (h->type == BB_BRICK_F16 ? (double)from_half(q) : q / 65535.0));
+					 span * (h->type == BB_BRICK_F16 ? (double)bb_from_half(q) : q / 65535.0));
 		}
 		return;
 	case BB_BRICK_F32:

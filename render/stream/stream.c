@@ -245,9 +245,12 @@ static bool take_memory(struct bb_stream *s)
 
 	ok &= (s->slot = take(s, n, sizeof(*s->slot))) != NULL;
 	ok &= (s->where = take(s, n, sizeof(*s->where))) != NULL;
-	ok &= (s->bricks = take(s, n_slots, BB_BRICK_BYTES)) != NULL;
+	/* A caster that takes eight voxels at a time looks beyond the last one, with no weight. */
+	const size_t beyond = BB_BRICK_STORED * BB_BRICK_STORED + BB_BRICK_STORED + 1;
+	const size_t beyond_coarse = (size_t)s->atlas.coarse_dim[0] * (s->atlas.coarse_dim[1] + 1) + 1;
+	ok &= (s->bricks = take(s, n_slots * BB_BRICK_VOXELS + beyond, sizeof(*s->bricks))) != NULL;
 	ok &= (s->slot_generation = take(s, n_slots, sizeof(*s->slot_generation))) != NULL;
-	ok &= (s->coarse = take(s, n_coarse * s->atlas.n_steps, sizeof(*s->coarse))) != NULL;
+	ok &= (s->coarse = take(s, n_coarse * s->atlas.n_steps + beyond_coarse, sizeof(*s->coarse))) != NULL;
 	ok &= (s->empty = take(s, n, sizeof(*s->empty))) != NULL;
 	ok &= (s->slots = take(s, n_slots, sizeof(*s->slots))) != NULL;
 	ok &= (s->near_um = take(s, s->n_bricks, sizeof(*s->near_um))) != NULL;

@@ -58,11 +58,11 @@ struct bb_atlas {
 	uint32_t grid[3], n_steps;     /* bricks per axis */
 	uint32_t n_slots;
 	const int32_t *slot;           /* [n_steps][grid z][y][x] */
-	const uint16_t *bricks;        /* [n_slots][18][18][18] */
+	const uint16_t *bricks;        /* [n_slots][18][18][18], and a plane, a row and a voxel more */
 	uint64_t generation;           /* grows with every load */
 	const uint64_t *slot_generation; /* [n_slots] generation of a slot's content */
 	uint32_t coarse_dim[3];        /* per step */
-	const uint16_t *coarse;        /* [n_steps][z][y][x] */
+	const uint16_t *coarse;        /* [n_steps][z][y][x], and a plane, a row and a voxel more */
 	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible at this step and on the way to its neighbours */
 };
 const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);

@@ -6,16 +6,11 @@
  *   pads usb [CYCLES]    each as a USB device behind vhci (usbhid, hid-logitech with its motors), likewise; and an Xbox
  *                        receiver by libusb, then by the kernel's own xpad and libevdev. Wants udevd.
  *
- * CYCLES of unplug and replug, 3 unless told. One JSON line on stdout. Exit 0 all right, 1 something failed, 77 neither
- * uhid nor vhci here.
- *
- * The wire (peer, uhid or USB/IP server) is a thread of its own: the kernel asks it while a driver's call waits.
+ * CYCLES of unplug and replug, 3 unless told. One JSON line on stdout. PAD_BY_p50_ns and so on are from a packet's
+ * readiness at the pad to the stamp the kernel or libusb's thread gives it; user_us_p50 and so on to the report in the
+ * caller's hands, who looks every 100 us. Exit 0 all right, 1 something failed, 77 neither uhid nor vhci here.
  */
-#include <dirent.h>
-#include <errno.h>
 #include <math.h>
-#include <poll.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,10 +18,12 @@
 #include "drivers/gamepad_evdev.h"
 #include "drivers/gamepad_hid.h"
 #include "drivers/gamepad_xusb.h"
-#include "sim/uhid.h"
-#include "tests/guest/usb_vhci.h"
+#include "tests/guest/measure.h"
+#include "tests/guest/wire_pad.h"
 
 #define MS INT64_C(1000000)
+#define LOOK_NS (MS / 10)   /* while latency is measured; else every ms */
+#define SAMPLES_MAX 1000
 
 enum by { BY_HID, BY_EVDEV, BY_LIBUSB, N_BY };
 static const char *const by_names[N_BY] = { "hid", "evdev", "libusb" };
@@ -66,117 +63,6 @@ static const struct kind {
 	{ SIM_PEER_XBOX_PAD, "xbox360-receiver", BB_PAD_XBOX360, true, { NULL, NULL, "usb:045e:0719?slot=1" } },
 };
 
-struct wire {
-	pthread_mutex_t lock;
-	pthread_t thread;
-	bool running, stop, usb, failed, attached;
-	struct bb_clock *clk;
-	struct sim_peer_pad *peer;
-	struct sim_uhid *uhid;
-	struct usbip_server *server;
-	struct sim_xbox_receiver receiver;
-	struct sim_usb_device *dev;
-	size_t item;
-	unsigned int port;
-};
-
-static void follow_plug(struct wire *w)
-{
-	if (w->attached == sim_peer_pad_plugged(w->peer))
-		return;
-	w->attached = !w->attached;
-	if (!w->attached) {
-		usbip_server_withdraw(w->server, w->item);
-		return;
-	}
-	w->port = (w->port + 1) % 8; /* never the one it was on */
-	usbip_server_plug(w->server, w->item, w->dev);
-	w->failed |= !vhci_attach(w->server, w->item, w->dev, w->port);
-}
-
-static void wire_step(struct wire *w)
-{
-	bb_clock_run_until(w->clk, bb_clock_now_ns(w->clk));
-	if (w->uhid)
-		w->failed |= sim_uhid_step(w->uhid) == BB_ERR_IO;
-	if (!w->server)
-		return;
-	follow_plug(w);
-	usbip_server_step(w->server, 0);
-}
-
-static void *wire_main(void *arg)
-{
-	struct wire *w = arg;
-	bool stop = false;
-
-	while (!stop) {
-		pthread_mutex_lock(&w->lock);
-		wire_step(w);
-		stop = w->stop;
-		pthread_mutex_unlock(&w->lock);
-		(void)poll(NULL, 0, 1);
-	}
-	return NULL;
-}
-
-static enum bb_status wire_usb(struct wire *w)
-{
-	if (!vhci_there())
-		return BB_ERR_UNSUPPORTED;
-	sim_xbox_init(&w->receiver);
-	w->receiver.pad[0] = w->peer;
-	w->dev = sim_peer_pad_usb(w->peer) ? sim_peer_pad_usb(w->peer) : &w->receiver.usb;
-	enum bb_status status = usbip_server_create(w->clk, &w->server);
-	if (status == BB_OK)
-		status = usbip_server_export(w->server, w->dev, &w->item);
-	if (status != BB_OK)
-		return status;
-	w->attached = true;
-	return vhci_attach(w->server, w->item, w->dev, w->port) ? BB_OK : BB_ERR_IO;
-}
-
-static enum bb_status wire_begin(struct wire *w, enum sim_peer_kind kind, bool usb, unsigned int port)
-{
-	struct sim_peer_config c = { .kind = kind, .id = "A1", .script = "", .seed = 7 };
-
-	if (bb_clock_posix_create(&w->clk) != BB_OK)
-		return BB_ERR_NOMEM;
-	c.clk = w->clk;
-	w->port = port;
-	enum bb_status status = sim_peer_pad_create(&c, &w->peer);
-	if (status == BB_OK)
-		status = usb ? wire_usb(w) : sim_uhid_create(w->peer, &w->uhid);
-	if (status != BB_OK)
-		return status;
-	pthread_mutex_init(&w->lock, NULL);
-	w->running = !pthread_create(&w->thread, NULL, wire_main, w);
-	return w->running ? BB_OK : BB_ERR_NOMEM;
-}
-
-static void wire_end(struct wire *w)
-{
-	if (w->running) {
-		pthread_mutex_lock(&w->lock);
-		w->stop = true;
-		pthread_mutex_unlock(&w->lock);
-		pthread_join(w->thread, NULL);
-	}
-	sim_uhid_destroy(w->uhid);
-	usbip_server_destroy(w->server);
-	sim_peer_pad_destroy(w->peer);
-	bb_clock_destroy(w->clk);
-}
-
-/* Returns when the kernel has been told. */
-static void wire_plug(struct wire *w, bool on)
-{
-	pthread_mutex_lock(&w->lock);
-	sim_peer_pad_unplug(w->peer, !on);
-	wire_step(w);
-	pthread_mutex_unlock(&w->lock);
-}
-
 struct reader {
 	struct bb_gamepad *g;
 	struct bb_uri uri;
@@ -185,30 +71,20 @@ struct reader {
 	long reports, wrong_axes, wrong_order;
 	enum bb_status status;
 	struct bb_pad_report last;
-	int64_t late_most_ns;
+	int64_t user_ns[SAMPLES_MAX], stamp_ns[SAMPLES_MAX];
+	size_t n_latency;
 	bool rumbles;
 	const char *failure;
 };
 
 struct bench {
 	struct bb_clock *clk;
-	struct wire wire;
+	struct pad_wire wire;
 	const struct kind *kind;
 	struct reader reader[N_BY];
+	bool measures;
 	int64_t lost_ns[N_BY], back_ns[N_BY]; /* the longest */
 };
-
-static long descriptors(void)
-{
-	DIR *d = opendir("/proc/self/fd");
-	long n = 0;
-
-	while (d && readdir(d))
-		n++;
-	if (d)
-		closedir(d);
-	return n;
-}
 
 static int64_t now(const struct bench *b)
 {
@@ -220,12 +96,24 @@ static void compare(struct bench *b, struct reader *r)
 {
 	struct sim_pad_state truth;
 
-	pthread_mutex_lock(&b->wire.lock);
+	pad_wire_lock(&b->wire);
 	sim_peer_pad_truth(b->wire.peer, &truth);
-	pthread_mutex_unlock(&b->wire.lock);
+	pad_wire_unlock(&b->wire);
 	for (size_t i = 0; i < BB_PAD_AXES; i++)
 		if (fabs((double)r->last.axis[i] - truth.axis[i]) > 0.2)
 			r->wrong_axes++;
+}
+
+/* From the newest packet: they are 8 ms apart or more, and no way is as long as that. */
+static void note_latency(struct bench *b, struct reader *r, int64_t at_ns)
+{
+	pad_wire_lock(&b->wire);
+	const int64_t said_ns = bb_clock_from_monotonic_ns(b->clk, b->wire.said_ns);
+	pad_wire_unlock(&b->wire);
+	if (r->n_latency == SAMPLES_MAX)
+		return;
+	r->user_ns[r->n_latency] = now(b) - said_ns;
+	r->stamp_ns[r->n_latency++] = at_ns - said_ns;
 }
 
 static void drain(struct bench *b, struct reader *r)
@@ -235,14 +123,15 @@ static void drain(struct bench *b, struct reader *r)
 
 	if (!r->g)
 		return;
-	while ((r->status = bb_gamepad_read(r->g, reports, BB_ARRAY_LEN(reports), &n)) == BB_OK)
+	while ((r->status = bb_gamepad_read(r->g, reports, BB_ARRAY_LEN(reports), &n)) == BB_OK) {
+		if (b->measures)
+			note_latency(b, r, reports[n - 1].at_ns);
 		for (size_t i = 0; i < n; i++) {
 			r->wrong_order += r->reports && reports[i].at_ns <= r->last.at_ns;
 			r->last = reports[i];
 			r->reports++;
-			const int64_t late_ns = now(b) - r->last.at_ns;
-			r->late_most_ns = late_ns > r->late_most_ns ? late_ns : r->late_most_ns;
 		}
+	}
 }
 
 static void pass(struct bench *b, int64_t for_ns)
@@ -250,7 +139,7 @@ static void pass(struct bench *b, int64_t for_ns)
 	const int64_t end_ns = now(b) + for_ns;
 
 	while (now(b) < end_ns) {
-		bb_clock_run_until(b->clk, now(b) + MS);
+		bb_clock_run_until(b->clk, now(b) + (b->measures ? LOOK_NS : MS));
 		for (int i = 0; i < N_BY; i++)
 			drain(b, &b->reader[i]);
 	}
@@ -296,9 +185,9 @@ static void check_rumble(struct bench *b, struct reader *r)
 	if (bb_gamepad_rumble(r->g, 1, 0.5f) != BB_OK)
 		fail(r, "rumble refused");
 	pass(b, 200 * MS);
-	pthread_mutex_lock(&b->wire.lock);
+	pad_wire_lock(&b->wire);
 	const bool told = sim_peer_pad_rumble(b->wire.peer, &strong, &weak);
-	pthread_mutex_unlock(&b->wire.lock);
+	pad_wire_unlock(&b->wire);
 	if (!told || fabsf(strong - 1) > 0.02f || fabsf(weak - 0.5f) > 0.02f)
 		fail(r, told ? "rumble arrived as another" : "rumble did not arrive");
 	(void)!bb_gamepad_rumble(r->g, 0, 0);
@@ -336,13 +225,13 @@ static void cycle(struct bench *b, int i)
 	 * its hub looks at its ports now and then. */
 	const int64_t most_ns = b->wire.usb ? 500 * MS : 50 * MS;
 
-	wire_plug(&b->wire, false);
+	pad_wire_plug(&b->wire, false);
 	wait_status(b, true, b->lost_ns);
 	for (int r = 0; r < N_BY; r++)
 		if (b->lost_ns[r] > most_ns)
 			fail(&b->reader[r], "unplug seen too late");
 	pass(b, 100 * MS);
-	wire_plug(&b->wire, true);
+	pad_wire_plug(&b->wire, true);
 	wait_status(b, false, b->back_ns);
 	pass(b, 300 * MS);
 	if (i % 4 != 3)
@@ -368,7 +257,10 @@ static void run(struct bench *b, int cycles)
 		b->reader[i].by = (enum by)i;
 		open_reader(b, &b->reader[i]);
 	}
-	pass(b, 4000 * MS);
+	pass(b, 500 * MS); /* what waited since the plug */
+	b->measures = true;
+	pass(b, 3500 * MS);
+	b->measures = false;
 	for (int i = 0; i < N_BY; i++) {
 		struct reader *r = &b->reader[i];
 		if (r->g && r->reports < (i == BY_EVDEV ? 10 : 100))
@@ -393,21 +285,36 @@ static void run(struct bench *b, int cycles)
 		fail(&b->reader[0], "a handle stayed open");
 }
 
+static void print_latency_of(const struct kind *k, struct reader *r)
+{
+	char name[48];
+
+	snprintf(name, sizeof(name), "%s_%s", k->name, by_names[r->by]);
+	for (char *c = name; *c; c++)
+		*c = *c == '-' ? '_' : *c;
+	if (!r->n_latency)
+		return;
+	print_seen("user", r->user_ns, r->n_latency);
+	if (r->by != BY_HID) /* hidraw has no stamps: the driver's is that of the look */
+		print_latency(name, r->stamp_ns, r->n_latency);
+}
+
 /* One row a reader. */
-static bool print(const struct bench *b, bool *first)
+static bool print(struct bench *b, bool *first)
 {
 	bool ok = true;
 
 	for (int i = 0; i < N_BY; i++) {
-		const struct reader *r = &b->reader[i];
+		struct reader *r = &b->reader[i];
 		if (!b->kind->uri[i])
 			continue;
-		printf("%s{\"pad\":\"%s\",\"by\":\"%s\",\"ok\":%s,\"reports\":%ld,\"rumbles\":%s,\"late_most_us\":%.1f,"
-		       "\"lost_ms\":%.1f,\"back_ms\":%.1f%s%s%s}",
+		printf("%s{\"pad\":\"%s\",\"by\":\"%s\",\"ok\":%s,\"reports\":%ld,\"rumbles\":%s,\"lost_ms\":%.1f,"
+		       "\"back_ms\":%.1f%s%s%s",
 		       *first ? "" : ",", b->kind->name, by_names[i], r->failure ? "false" : "true", r->reports,
-		       r->rumbles ? "true" : "false", (double)r->late_most_ns * 1e-3, (double)b->lost_ns[i] * 1e-6,
-		       (double)b->back_ns[i] * 1e-6, r->failure ? ",\"why\":\"" : "", r->failure ? r->failure : "",
-		       r->failure ? "\"" : "");
+		       r->rumbles ? "true" : "false", (double)b->lost_ns[i] * 1e-6, (double)b->back_ns[i] * 1e-6,
+		       r->failure ? ",\"why\":\"" : "", r->failure ? r->failure : "", r->failure ? "\"" : "");
+		print_latency_of(b->kind, r);
+		printf("}");
 		*first = false;
 		ok &= !r->failure;
 	}
@@ -417,12 +324,12 @@ static bool print(const struct bench *b, bool *first)
 /* 0 ok, 1 failed, 77 not here. */
 static int one(const struct kind *k, bool usb, int cycles, unsigned int *port, bool *first)
 {
-	struct bench b = { .kind = k, .wire = { .usb = usb } };
+	struct bench b = { .kind = k };
 	int code = 1;
 
 	if (bb_clock_posix_create(&b.clk) != BB_OK)
 		return 1;
-	const enum bb_status status = wire_begin(&b.wire, k->kind, usb, *port);
+	const enum bb_status status = pad_wire_begin(&b.wire, k->kind, "", usb, *port);
 	if (status == BB_ERR_UNSUPPORTED)
 		code = 77;
 	if (status == BB_OK) {
@@ -430,7 +337,7 @@ static int one(const struct kind *k, bool usb, int cycles, unsigned int *port, b
 		code = print(&b, first) ? 0 : 1;
 	}
 	*port = (b.wire.port + 1) % 8; /* the kernel lets go of a port when it comes to it */
-	wire_end(&b.wire);
+	pad_wire_end(&b.wire);
 	bb_clock_destroy(b.clk);
 	return code;
 }

@@ -1,13 +1,11 @@
 /*
  * tests/guest/usbip_attach.c [REPLUGS]: a simulated i2c-tiny-usb adapter behind vhci; the kernel's own driver makes an
  * I2C bus of it, over which an EDID is read and an empty address asked. Unplugged and plugged in again REPLUGS times.
- * Or: usbip_attach hold SECONDS: attaches adapter (port 0) and camera (port 1) for other programs to look at.
+ * Or: usbip_attach hold SECONDS: attaches it to port 8 for other programs to look at.
  * Prints one JSON line. Exit 0 fine, 1 not, 77 no vhci.
  */
 #include "tests/fixture_room.h"
 
-#include <dirent.h>
-#include <errno.h>
 #include <linux/i2c-dev.h>
 #include <linux/i2c.h>
 #include <signal.h>
@@ -15,8 +13,8 @@
 #include <sys/prctl.h>
 #include <sys/wait.h>
 
-#include "sim/peer_camera.h"
 #include "sim/peer_i2c_tiny_usb.h"
+#include "tests/guest/measure.h"
 #include "tests/guest/usb_vhci.h"
 
 #define EEPROM 0x50
@@ -25,8 +23,7 @@ struct simulator {
 	struct rig rig;
 	struct usbip_server *server;
 	struct peer_i2c_tiny_usb *i2c;
-	struct peer_camera *camera;
-	size_t item, camera_item;
+	size_t item;
 	unsigned port;
 	uint8_t at;
 };
@@ -69,8 +66,8 @@ static bool obey(struct simulator *s, char what)
 		usbip_server_withdraw(s->server, s->item);
 		return true;
 	}
-	if (what == 'c')
-		return vhci_attach(s->server, s->camera_item, peer_camera_usb(s->camera), 8);
+	if (what == 'h')
+		return vhci_attach(s->server, s->item, dev, 8);
 	s->port = (s->port + 1) % 8;
 	usbip_server_plug(s->server, s->item, dev);
 	return vhci_attach(s->server, s->item, dev, s->port);
@@ -78,18 +75,15 @@ static bool obey(struct simulator *s, char what)
 
 static int simulate(struct simulator *s, int orders)
 {
-	const struct peer_camera_options options = { .serial = "GUEST1" };
+	const long open_files = descriptors();
 	char what = 0;
 
 	fixture_room_init(&s->rig.fix);
 	rig_world(&s->rig, 1, 1);
-	struct bb_camera *model = rig_camera(&s->rig, 0);
-	if (peer_camera_create(model, &options, &s->camera) != BB_OK ||
-	    peer_i2c_tiny_usb_create("MON1", &s->i2c) != BB_OK ||
+	if (peer_i2c_tiny_usb_create("MON1", &s->i2c) != BB_OK ||
 	    !peer_i2c_tiny_usb_add(s->i2c, &(struct sim_i2c_target){ eeprom_write, eeprom_read, s }) ||
 	    usbip_server_create(s->rig.clk, &s->server) != BB_OK ||
-	    usbip_server_export(s->server, peer_i2c_tiny_usb_device(s->i2c), &s->item) != BB_OK ||
-	    usbip_server_export(s->server, peer_camera_usb(s->camera), &s->camera_item) != BB_OK)
+	    usbip_server_export(s->server, peer_i2c_tiny_usb_device(s->i2c), &s->item) != BB_OK)
 		return 1;
 	while (what != 'e') {
 		rig_run(&s->rig, 100 * US);
@@ -98,11 +92,9 @@ static int simulate(struct simulator *s, int orders)
 			return 1;
 	}
 	usbip_server_destroy(s->server);
-	peer_camera_destroy(s->camera);
 	peer_i2c_tiny_usb_destroy(s->i2c);
-	bb_camera_close(model);
 	rig_done(&s->rig);
-	return 0;
+	return descriptors() == open_files ? 0 : 1;
 }
 
 static bool order(int orders, char what)
@@ -175,7 +167,7 @@ static int check(struct bb_clock *clk, int orders, unsigned long replugs)
 
 static int hold(struct bb_clock *clk, int orders, unsigned long seconds)
 {
-	if (!order(orders, 'p') || !order(orders, 'c'))
+	if (!order(orders, 'h'))
 		return 1;
 	bb_clock_run_until(clk, bb_clock_now_ns(clk) + (int64_t)seconds * BB_NS_PER_S);
 	return 0;
