@@ -35,8 +35,8 @@ DEEP    := $(patsubst tests/fuzz/deep_%.c,%,$(wildcard tests/fuzz/deep_*.c))
 REPLAYS := $(FUZZ:%=$B/tests/replay_%) $(DEEP:%=$B/tests/replay_deep_%)
 GUEST   := $(patsubst tests/%.c,$B/tests/%,$(filter-out tests/guest/align.c,$(wildcard tests/guest/*.c)))
 GUEST   += $B/tests/hw_room
-# Contract suites that a case of the guest names run there, too.
-GUEST   += $(foreach t,$(wildcard tests/contract_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
+# Contract and fault suites that a case of the guest names run there, too.
+GUEST   += $(foreach t,$(wildcard tests/contract_*.c tests/test_faults_*.c),$(if $(shell grep -w $(basename $(notdir $t)) tests/guest/cases.txt),$(t:tests/%.c=$B/tests/%)))
 OBJ      = $(SRC:%.c=$B/%.o)
 
 export LSAN_OPTIONS := suppressions=$(CURDIR)/tests/lsan.supp:print_suppressions=0

@@ -50,23 +50,28 @@ static bool is_down(struct can_socket *c)
 	return ioctl(c->fd, SIOCGIFFLAGS, &r) < 0 || !(r.ifr_flags & IFF_UP);
 }
 
+/* A kernel forgets a socket's filters, the one that lets everything in as well, when the interface goes away. */
 static enum bb_status bind_to(struct can_socket *c)
 {
 	const struct sockaddr_can address = { .can_family = AF_CAN, .can_ifindex = c->index };
+	const struct can_filter all = { 0, 0 };
 
+	if (setsockopt(c->fd, SOL_CAN_RAW, CAN_RAW_FILTER, &all, sizeof(all)) < 0)
+		return BB_ERR_LOST;
 	return bind(c->fd, (const struct sockaddr *)&address, sizeof(address)) < 0 ? BB_ERR_LOST : BB_OK;
 }
 
 /* An adapter that was pulled and put back has its old name and a new index. */
 static enum bb_status link_up(struct can_socket *c)
 {
-	const unsigned index = if_nametoindex(c->name);
+	struct ifreq r = { 0 };
 
-	if (!index || is_down(c))
+	memcpy(r.ifr_name, c->name, sizeof(c->name));
+	if (ioctl(c->fd, SIOCGIFINDEX, &r) < 0 || is_down(c)) /* if_nametoindex would open a socket at each look */
 		return BB_ERR_LOST;
-	if ((int)index == c->index)
+	if (r.ifr_ifindex == c->index)
 		return BB_OK;
-	c->index = (int)index;
+	c->index = r.ifr_ifindex;
 	return bind_to(c);
 }
 

@@ -155,6 +155,11 @@ void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer)
 		sift(clk, i, last);
 }
 
+int64_t bb_clock_next_ns(const struct bb_clock *clk)
+{
+	return clk->n ? clk->heap[0]->at_ns : BB_NEVER;
+}
+
 void bb_clock_stop(struct bb_clock *clk)
 {
 	clk->stopped = true;

@@ -45,6 +45,9 @@ int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns)
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
 void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);
 
+/* When the next timer is due (it may have been long ago), or BB_NEVER: for a loop that waits for files as well. */
+int64_t bb_clock_next_ns(const struct bb_clock *clk);
+
 /* Run every timer due up to end_ns, then leave now at end_ns. Stops early when bb_clock_stop was called. */
 void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns);
 void bb_clock_stop(struct bb_clock *clk);

@@ -12,10 +12,13 @@
 #define ERROR_BITS 20     /* flag, echo and delimiter */
 #define BACK_BITS (128 * 11)
 #define PEER_RESTART_NS INT64_C(100000000)
+#define WIRE_WAIT_NS INT64_C(20000000)  /* a real wire that has not sent a frame by then never will */
+#define WIRE_AGAIN_NS INT64_C(5000000)
 
 struct sim_can {
 	struct bb_can_bus bus;
 	struct sim_can_port host, ghost; /* ghost: who injects and babbles */
+	struct sim_can_wire *wire;       /* NULL: the modelled one */
 	struct bb_clock *clk;
 	struct bb_timer timer, babbler;
 	struct sim_rng rng;
@@ -199,7 +202,7 @@ static int64_t wake_ns(const struct sim_can *can)
 		at_ns = can->free_ns;
 	else if (winner(can)) {
 		/* Arbitration is a bit later, so that all who begin at one moment take part. */
-		const int64_t next_ns = bb_clock_now_ns(can->clk) + sim_can_bits_ns(can, 1);
+		const int64_t next_ns = bb_clock_now_ns(can->clk) + (can->wire ? 0 : sim_can_bits_ns(can, 1));
 		at_ns = next_ns > can->free_ns ? next_ns : can->free_ns;
 	}
 	return at_ns < back_ns ? at_ns : back_ns;
@@ -234,7 +237,7 @@ static void begin_frame(struct sim_can *can, struct sim_can_port *p, int64_t at_
 
 	can->sender = p;
 	can->flying = p->box[best_of(p)];
-	can->lone = !somebody_hears(can, p);
+	can->lone = !can->wire && !somebody_hears(can, p);
 	for (struct sim_can_port *q = can->ports; q; q = q->next)
 		q->joined = q != p && may_send(q) && same(&q->box[best_of(q)], &can->flying);
 	can->destroyed = can->lone || p->broken || (double)can->error_ppm * 1e-6 > sim_rng_uniform(&r);
@@ -242,6 +245,19 @@ static void begin_frame(struct sim_can *can, struct sim_can_port *p, int64_t at_
 	if (can->destroyed)
 		can->free_ns += sim_can_bits_ns(can, ERROR_BITS);
 	can->counters.busy_ns += can->free_ns - at_ns;
+}
+
+/* The frame of can->sender. The wire may say that it is sent before it returns. */
+static void give_to_wire(struct sim_can *can)
+{
+	const int64_t now_ns = bb_clock_now_ns(can->clk);
+
+	can->free_ns = now_ns + WIRE_WAIT_NS;
+	if (can->wire->send(can->wire, &can->flying))
+		return;
+	can->sender = NULL;
+	can->free_ns = now_ns + WIRE_AGAIN_NS;
+	can->counters.errors++;
 }
 
 static void forget(struct sim_can_port *p, const struct bb_can_frame *f)
@@ -297,6 +313,12 @@ static void deliver(struct sim_can *can, struct sim_can_port *from, int64_t at_n
 	}
 }
 
+static void give_up(struct sim_can *can, struct sim_can_port *from)
+{
+	can->counters.errors++;
+	forget(from, &can->flying);
+}
+
 static void come_back(struct sim_can *can, int64_t at_ns)
 {
 	for (struct sim_can_port *p = can->ports; p; p = p->next) {
@@ -321,12 +343,16 @@ static int64_t step(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns
 		can->free_ns += sim_can_bits_ns(can, PAUSE_BITS);
 		if (can->destroyed)
 			lose_frame(can, from, scheduled_ns);
+		else if (can->wire)
+			give_up(can, from);
 		else
 			deliver(can, from, scheduled_ns);
 	} else if (!from && scheduled_ns >= can->free_ns) {
 		struct sim_can_port *p = winner(can);
 		if (p)
 			begin_frame(can, p, scheduled_ns);
+		if (p && can->wire && !can->destroyed)
+			give_to_wire(can);
 	}
 	const int64_t at_ns = wake_ns(can);
 	if (timer->slot) { /* a callback sent something and armed it */
@@ -498,6 +524,39 @@ struct sim_can_port *sim_can_host(struct sim_can *can)
 const struct sim_can_counters *sim_can_counters(const struct sim_can *can)
 {
 	return &can->counters;
+}
+
+/* A real wire */
+
+void sim_can_use_wire(struct sim_can *can, struct sim_can_wire *wire)
+{
+	sim_can_detach(&can->host);
+	can->wire = wire;
+}
+
+void sim_can_wire_sent(struct sim_can *can, const struct bb_can_frame *f, int64_t at_ns)
+{
+	struct sim_can_port *from = can->sender;
+
+	if (!from || can->destroyed || !same(f, &can->flying))
+		return; /* given up before */
+	can->sender = NULL;
+	can->free_ns = 0;
+	deliver(can, from, at_ns);
+	bb_clock_disarm(can->clk, &can->timer);
+	kick(can);
+}
+
+void sim_can_wire_heard(struct sim_can *can, const struct bb_can_frame *f, int64_t at_ns)
+{
+	struct sim_can_port *next;
+
+	can->counters.frames++;
+	for (struct sim_can_port *p = can->ports; p; p = next) {
+		next = p->next;
+		if (p->frame && !p->muted && p->state != 3)
+			p->frame(p, f, at_ns);
+	}
 }
 
 /* Verbs */

@@ -7,6 +7,9 @@
  * frame, counts 8 in its sender and 1 in the others and is sent again; 128 is passive, 256 is off the bus, and coming
  * back takes 128 times 11 bits. The host's socket shows its own controller's states as error frames. Times are clock
  * ns. One thread, the owner's. The verbs are for bench/ and tests/ only.
+ *
+ * On a real wire (sim/can_link.h) nothing of this is modelled but who sends next and what noise destroys: the winner's
+ * frame is given to the wire, and is over when the wire says it was.
  */
 #ifndef BB_SIM_BUS_SIM_CAN_H
 #define BB_SIM_BUS_SIM_CAN_H
@@ -45,6 +48,14 @@ enum bb_status sim_can_send(struct sim_can_port *port, const struct bb_can_frame
 /* Bits on the wire from start of frame to end of frame, without the 3 of the pause. */
 int sim_can_frame_bits(const struct bb_can_frame *f);
 int64_t sim_can_bits_ns(const struct sim_can *can, int64_t bits);
+
+struct sim_can_wire {
+	bool (*send)(struct sim_can_wire *wire, const struct bb_can_frame *f); /* false: not now, ask again */
+};
+/* Before anybody is attached. There is no host's bus then: the host is at the far end of the wire. */
+void sim_can_use_wire(struct sim_can *can, struct sim_can_wire *wire);
+void sim_can_wire_sent(struct sim_can *can, const struct bb_can_frame *f, int64_t at_ns);
+void sim_can_wire_heard(struct sim_can *can, const struct bb_can_frame *f, int64_t at_ns);
 
 /* Faults: on counts up, off counts down. */
 void sim_can_break_tx(struct sim_can_port *port, bool on);       /* all it sends is destroyed */

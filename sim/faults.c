@@ -4,6 +4,7 @@
  */
 #include "sim/peer_ddcci.h"
 #include "sim/peer_modbus.h"
+#include "sim/peer_shutter.h"
 #include "sim/sim.h"
 #include "sim/world_impl.h"
 
@@ -25,7 +26,7 @@ static const struct {
 	{ "monitor", sim_monitor_verbs }, { "power", sim_power_verbs },   { "gamepad", sim_gamepad_verbs },
 	{ "link", sim_link_verbs },       { "node", sim_node_verbs },     { "world", sim_viewer_verbs },
 	/* of `serve`: the same devices' wires */
-	{ "modbus", peer_modbus_verbs },  { "ddc", peer_ddcci_wire_verbs },
+	{ "modbus", peer_modbus_verbs },  { "ddc", peer_ddcci_wire_verbs }, { "can", sim_chain_can_verbs },
 };
 
 const struct sim_verb *sim_fault_verb(size_t i, const char **class_out)

@@ -36,7 +36,7 @@ struct unit {
 	uint8_t eye, sequence, edge_counter;
 	uint32_t latency_ns;
 	uint8_t sync_counter;
-	int64_t stuck, frozen;       /* faults */
+	int64_t stuck, frozen, miss, flipped; /* faults */
 	struct sim_co_object object[MOST_OBJECTS];
 	size_t n_objects;
 };
@@ -47,6 +47,7 @@ struct sim_chain {
 	struct sim_world *world;
 	struct bb_eventlog *events;
 	uint16_t source;
+	const struct bb_shutter_config *config;
 	struct bb_rate rate;
 	int64_t jitter_ns;
 	struct sim_rng rng;
@@ -54,6 +55,7 @@ struct sim_chain {
 	int64_t sent_n, sent_ns;     /* the edge whose SYNC is under way */
 	int64_t late_ns, due_ns;     /* fault; when the late SYNC goes, or BB_NEVER */
 	int drop;
+	int64_t deaf;                /* fault: edges the emitter makes no SYNC of, because it misses them */
 	size_t n;
 	struct unit unit[POSITIONS];
 };
@@ -133,6 +135,10 @@ static void switch_eye(struct unit *u)
 	const int64_t at_ns = u->at_ns, n = u->n;
 
 	aim(u, n + 1, at_ns);
+	if (u->miss) {
+		u->miss--;
+		return;
+	}
 	u->heard_ns = at_ns;
 	if (!u->knows_eye || !u->co.overflow) {
 		u->misses++;
@@ -140,7 +146,7 @@ static void switch_eye(struct unit *u)
 	}
 	const int64_t before_counter = (n + u->offset) % u->co.overflow; /* counter - 1 */
 	const bool right = before_counter % 2 != 0;
-	u->eye = right != (u->polarity != 0) ? BB_EYE_RIGHT : BB_EYE_LEFT;
+	u->eye = right != ((u->polarity ^ u->flipped) % 2 != 0) ? BB_EYE_RIGHT : BB_EYE_LEFT;
 	u->open = false;
 	u->edges++;
 	u->switched_ns = at_ns;
@@ -174,6 +180,10 @@ static void line_edge(struct sim_chain *c)
 	c->edge_ns = line_ns(c, ++c->edge_n);
 	if (c->unit[0].stuck || c->unit[0].co.dead)
 		return;
+	if (c->deaf) {
+		c->deaf--;
+		return;
+	}
 	if (c->late_ns)
 		c->due_ns = at_ns + c->late_ns;
 	else
@@ -459,6 +469,7 @@ enum bb_status sim_chain_create(const struct sim_chain_config *config, struct si
 	c->world = world;
 	c->events = events;
 	c->source = bb_eventlog_source(events, "chain", cfg->id);
+	c->config = cfg;
 	c->rate = cfg->rate;
 	c->jitter_ns = config->fidelity ? llround(cfg->jitter_us * 1000) : 0;
 	c->n = (size_t)cfg->n_stages + 1;
@@ -506,6 +517,11 @@ size_t sim_chain_positions(const struct sim_chain *c)
 	return c->n;
 }
 
+const char *sim_chain_stage(const struct sim_chain *c, size_t position)
+{
+	return position ? c->config->stage[position - 1] : "emitter";
+}
+
 bool sim_chain_is_open(const struct sim_chain *c, size_t position)
 {
 	return c->unit[position].open;
@@ -514,6 +530,11 @@ bool sim_chain_is_open(const struct sim_chain *c, size_t position)
 const char *sim_chain_label(const struct sim_chain *c, size_t position)
 {
 	return (const char *)c->unit[position].label;
+}
+
+enum bb_eye sim_chain_eye(const struct sim_chain *c, size_t position)
+{
+	return (enum bb_eye)c->unit[position].eye;
 }
 
 int64_t sim_chain_switched_ns(const struct sim_chain *c, size_t position)
@@ -556,5 +577,28 @@ void sim_chain_power(struct sim_chain *c, size_t position, bool on)
 		u->at_ns = BB_NEVER;
 		open_eyes(u, bb_clock_now_ns(c->clk)); /* without power they are clear */
 	}
+	rearm(c);
+}
+
+void sim_chain_miss(struct sim_chain *c, size_t position, int64_t n)
+{
+	int64_t *const left[] = { &c->unit[position].miss, position ? NULL : &c->deaf };
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(left); i++)
+		if (left[i])
+			*left[i] = *left[i] + n > 0 ? *left[i] + n : 0;
+}
+
+void sim_chain_flip(struct sim_chain *c, size_t position, bool on)
+{
+	c->unit[position].flipped += on ? 1 : -1;
+}
+
+void sim_chain_offset(struct sim_chain *c, size_t position, int64_t by_ns)
+{
+	struct unit *u = &c->unit[position];
+
+	u->residual_ns += by_ns;
+	aim(u, u->n, bb_clock_now_ns(c->clk));
 	rearm(c);
 }

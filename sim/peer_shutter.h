@@ -13,6 +13,7 @@
 #define BB_SIM_PEER_SHUTTER_H
 
 #include "hal/shutter.h"
+#include "sim/faults.h"
 #include "sim/peer_canopen.h"
 
 struct sim_world;
@@ -33,10 +34,12 @@ void sim_chain_destroy(struct sim_chain *c);
 /* Position 0 is the emitter, 1 .. n_stages the stages in chain order. */
 struct sim_co_node *sim_chain_node(struct sim_chain *c, size_t position);
 size_t sim_chain_positions(const struct sim_chain *c);
+const char *sim_chain_stage(const struct sim_chain *c, size_t position); /* "emitter", or the stage's id */
 bool sim_chain_is_open(const struct sim_chain *c, size_t position); /* both eyes see */
 const char *sim_chain_label(const struct sim_chain *c, size_t position);
 /* The last switch of a position: when, truly; -1 before the first. */
 int64_t sim_chain_switched_ns(const struct sim_chain *c, size_t position);
+enum bb_eye sim_chain_eye(const struct sim_chain *c, size_t position); /* that sees since then; none: both */
 
 /* Faults: on counts up, off counts down. */
 void sim_chain_stuck(struct sim_chain *c, size_t position, bool on);   /* its sync line stops */
@@ -44,5 +47,11 @@ void sim_chain_late_sync(struct sim_chain *c, int64_t by_ns);          /* SYNC g
 void sim_chain_drop_sync(struct sim_chain *c, int n);                  /* the next n are not sent */
 void sim_chain_freeze(struct sim_chain *c, size_t position, bool on);  /* TPDO1 keeps its old counter */
 void sim_chain_power(struct sim_chain *c, size_t position, bool on);
+void sim_chain_miss(struct sim_chain *c, size_t position, int64_t n);  /* so many more edges are missed; < 0: fewer */
+void sim_chain_flip(struct sim_chain *c, size_t position, bool on);    /* its eyes are swapped */
+void sim_chain_offset(struct sim_chain *c, size_t position, int64_t by_ns); /* it switches that much later */
+/* The same as fault verbs, the device a struct sim_chain: class "can" is the wire and the controllers on it, and
+ * "shutter" what sim/sim_shutter.c has a word for. */
+extern const struct sim_verb sim_chain_can_verbs[], sim_chain_shutter_verbs[];
 
 #endif

@@ -80,10 +80,16 @@ function check_project(line, header,    wing) {
 	check_only(line, header)
 }
 
+function starts_any(s, prefixes,    i, n, p) {
+	n = split(prefixes, p, ",")
+	for (i = 1; i <= n; i++) if (starts(s, p[i])) return 1
+	return 0
+}
+
 function check_vendor(line, header,    i) {
 	for (i = 1; i <= n_vendor; i++) {
 		if (!starts(header, vendor[i]) || my_wing == "tests") continue
-		if (!starts(file, vendor_in[i]))
+		if (!starts_any(file, vendor_in[i]))
 			broken(line, "vendor", "<" header "> belongs below " vendor_in[i])
 		else if (!((i, file) in uses)) {
 			uses[i, file] = 1

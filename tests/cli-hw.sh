@@ -30,6 +30,11 @@ check "nothing is switched unasked" [ "$(count pass power) $(count skip power)" 
 sed "s#127.0.0.1:[0-9]*#192.0.2.1:502#" "$work/room.yaml" >"$work/real.yaml"
 RECORD=$work/no.json tests/check-hw.sh "$work/real.yaml" --standin >"$work/out" 2>&1
 check "a real address is no stand-in" [ $? = 2 ]
+{ cat "$work/room.yaml"; echo 'shutters: {chain: {device: "can:none0?node=1", rate_hz: 120, stages: [screen]}}'; } >"$work/chain.yaml"
+RECORD=$work/no.json tests/check-hw.sh "$work/chain.yaml" --standin >"$work/out" 2>&1
+check "a chain that may be real is no stand-in" [ $? = 2 ]
+RECORD=$work/record.json tests/check-hw.sh "$work/chain.yaml" >"$work/out" 2>&1
+check "a chain that is not there fails, and the record says why" [ "$(field "$work/record.json" "len([x for x in r['rows'] if x['class'] == 'shutter' and x['result'] == 'fail' and 'BB153' in x['reason']])")" = 6 ]
 kill -TERM $pid
 wait $pid
 RECORD=$work/record.json tests/check-hw.sh "$work/room.yaml" --standin >"$work/out" 2>&1

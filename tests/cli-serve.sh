@@ -277,6 +277,12 @@ check "a bad fault is refused" refuses 1602 --fault "at 0s modbus/pdu1 fly"
 check "a bad port is refused" refuses 1704 --modbus-port 70000
 check "so is a bad one for USB/IP" refuses 1704 --usbip-port 70000
 
+# Without a CAN there is none to be had, and with one no interface of that name; the guest of check-kernel has more.
+check "a chain needs an interface" sh -c "'$program' serve rooms/cabin.yaml --modbus-port 0 --can nocan7 --for 0.1 2>&1 | grep -q '^BB153[01]: '"
+"$program" serve rooms/desk.yaml --can nocan7 --for 0.1 >"$work/out" 2>"$work/err"
+check "no chain, nothing for a CAN" sh -c "[ $? = 2 ] && grep -q '^BB1573: ' '$work/err'"
+check "a fault of a wire nobody asked for" refuses 1604 --fault "at 0s can/chain twin"
+
 start --token-file "$work/token"
 check "without the token: hung up within a second or so" client '
 s = connect()

@@ -5,7 +5,8 @@
  *
  * Usage: hw_room ROOM --out FILE --date TEXT [--switch PDU/OUTLET]... [--switch MONITOR]... [--standin]
  * Nothing is switched, and no monitor's setting changed, unless it is named. --standin shortens the safety times 600
- * times, and is refused for a device that is neither on loopback nor on a pty: behind those are no lamps.
+ * times and leaves eyes no rest; it is refused for a power strip or a chain that is neither on loopback nor on a pty nor
+ * on a virtual CAN: behind those are no lamps.
  */
 #include "tests/power_contract.h"
 
@@ -168,6 +169,7 @@ static bool simulated(const char *device)
 #include "tests/hw_camera.h"
 #include "tests/hw_gamepad.h"
 #include "tests/hw_monitor.h"
+#include "tests/hw_shutter.h"
 
 static void check_row(void **state)
 {
@@ -209,7 +211,8 @@ static void collect(struct hw *hw)
 	const struct bb_room *r = hw->room;
 	size_t n_real;
 
-	skip_class(hw, "shutter", r->has_chain, r->has_chain && !simulated(r->chain.device));
+	if (!add_shutters(hw))
+		skip_class(hw, "shutter", r->has_chain, 0);
 	if (!add_cameras(hw))
 		skip_class(hw, "camera", r->n_cameras, 0);
 	COUNT_REAL(&r->screens[0].display, r->n_screens ? 1 : 0, n_real);
@@ -290,6 +293,12 @@ static bool read_arguments(struct hw *hw, int argc, char **argv)
 
 static bool standin_is_one(const struct hw *hw)
 {
+	const struct bb_room *r = hw->room;
+
+	if (hw->standin && r->has_chain && !simulated(r->chain.device) && !hw_shutter_harmless(r->chain.device)) {
+		fprintf(stderr, "hw_room: --standin, but the chain is %s\n", r->chain.device);
+		return false;
+	}
 	for (size_t i = 0; hw->standin && i < hw->room->n_pdus; i++)
 		if (!simulated(hw->room->pdus[i].device) && !harmless(hw->room->pdus[i].device)) {
 			fprintf(stderr, "hw_room: --standin, but %s is %s\n", hw->room->pdus[i].id, hw->room->pdus[i].device);

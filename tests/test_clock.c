@@ -149,6 +149,20 @@ static void stop_leaves_the_rest_for_later(void **state)
 }
 
 /* Against a sorted list, with arming, re-arming and disarming at random. */
+static void the_next_timer_is_known(void **state)
+{
+	struct probe p[2] = { 0 };
+
+	assert_true(bb_clock_next_ns(*state) == BB_NEVER);
+	arm(*state, &p[0], 0, 0, 300);
+	arm(*state, &p[1], 1, 0, 200);
+	assert_int_equal(bb_clock_next_ns(*state), 200);
+	bb_clock_disarm(*state, &p[1].timer);
+	assert_int_equal(bb_clock_next_ns(*state), 300);
+	bb_clock_run_until(*state, 400);
+	assert_true(bb_clock_next_ns(*state) == BB_NEVER);
+}
+
 static void a_random_heap_is_in_order(void **state)
 {
 	static struct probe p[500];
@@ -220,6 +234,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(the_past_runs_next_and_time_never_goes_back, setup, teardown),
 		cmocka_unit_test_setup_teardown(a_disarmed_timer_does_not_run, setup, teardown),
 		cmocka_unit_test_setup_teardown(stop_leaves_the_rest_for_later, setup, teardown),
+		cmocka_unit_test_setup_teardown(the_next_timer_is_known, setup, teardown),
 		cmocka_unit_test_setup_teardown(a_random_heap_is_in_order, setup, teardown),
 		cmocka_unit_test(destroy_forgets_armed_timers),
 		cmocka_unit_test(posix_time_flows_and_steps_are_never_early),

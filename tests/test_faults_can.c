@@ -1,6 +1,7 @@
 /*
  * tests/test_faults_can.c: rows C1 to C6 of the fault matrix on a simulated CAN: injected at the peer or the medium,
- * detected by name within the row's budget, and over again. Virtual time. Prints one line a row.
+ * detected by name within the row's budget, and over again. Virtual time. Prints one line a row. With BB_KERNEL=1 the
+ * same rows through an interface vcan0 of this kernel instead, in real time.
  */
 #include "drivers/canopen_codec.h"
 #include "tests/fault_table.h"
@@ -16,6 +17,7 @@ struct bench {
 	size_t n[4];              /* edges read, by stage, the glasses last */
 	uint32_t seq[4];
 	int gaps;
+	int64_t worst_read_ns;    /* in real time */
 };
 
 static int setup(void **state)
@@ -54,6 +56,7 @@ static enum bb_status drain(struct bench *b)
 	enum bb_status status;
 	size_t n;
 
+	const int64_t begun_ns = now(b);
 	while ((status = bb_shutter_read(b->sh, e, BB_ARRAY_LEN(e), &n)) == BB_OK)
 		for (size_t i = 0; i < n; i++) {
 			const int row = e[i].stage == BB_STAGE_EMITTER ? 3 : e[i].stage;
@@ -61,6 +64,8 @@ static enum bb_status drain(struct bench *b)
 			b->seq[row] = e[i].seq;
 			b->n[row]++;
 		}
+	if (now(b) - begun_ns > b->worst_read_ns)
+		b->worst_read_ns = now(b) - begun_ns;
 	return status;
 }
 
@@ -492,6 +497,209 @@ static void noise_costs_time_only(void **state)
 	ends_well(b);
 }
 
+/* The words of `serve --fault`: each does what it says, and is over. */
+
+static const struct {
+	const char *device, *fault;
+	enum bb_shutter_can_fault alarm; /* BB_CANF_COUNT: none */
+} verbs[] = {
+	{ "can/chain", "babble id=0x123 us=300", BB_CANF_BABBLE },
+	{ "can/chain", "unplug stage=left", BB_CANF_NODE_LOST },
+	{ "can/chain", "power stage=left", BB_CANF_NODE_LOST },
+	{ "can/chain", "drop_sync n=3", BB_CANF_SYNC_LATE },
+	{ "can/chain", "late_sync us=3000", BB_CANF_SYNC_LATE },
+	{ "can/chain", "freeze stage=left", BB_CANF_STALE },
+	{ "can/chain", "noise ppm=20000", BB_CANF_COUNT },
+	{ "can/chain", "emergency stage=left code=0x4200", BB_CANF_NODE },
+	{ "can/chain", "twin", BB_CANF_DUP_ID },
+	{ "can/chain", "bad_sync", BB_CANF_PROTO },
+	{ "can/chain", "bus_off", BB_CANF_BUS_OFF },
+	{ "shutter/chain", "miss n=3", BB_CANF_SYNC_LATE },
+	{ "shutter/chain", "stuck stage=left", BB_CANF_NODE },
+	{ "shutter/chain", "flip_polarity stage=left", BB_CANF_COUNT },
+	{ "shutter/chain", "stage_offset stage=left us=900", BB_CANF_COUNT },
+	{ "shutter/chain", "unplug", BB_CANF_NODE_LOST },
+};
+
+static void verbs_do_what_they_say(void **state)
+{
+	struct bench *b = *state;
+	const char *const classes[] = { "can", "shutter" };
+
+	assert_int_equal(sim_world_register(b->rig.world, "can", "chain", b->far.chain, sim_chain_can_verbs), BB_OK);
+	assert_int_equal(sim_world_register(b->rig.world, "shutter", "chain", b->far.chain, sim_chain_shutter_verbs), BB_OK);
+	for (size_t i = 0; i < BB_ARRAY_LEN(verbs); i++) {
+		const bool alarms = verbs[i].alarm != BB_CANF_COUNT;
+		const uint64_t count = alarms ? alarm_of(b, verbs[i].alarm).count : 0;
+		const int64_t from_ns = now(b);
+		print_message("%s %s\n", verbs[i].device, verbs[i].fault);
+		rig_fault(&b->rig, verbs[i].device, verbs[i].fault, true);
+		while (alarms && alarm_of(b, verbs[i].alarm).count == count) { /* it may be over as quickly */
+			assert_true(now(b) - from_ns < 500 * MS);
+			run(b, MS / 2);
+		}
+		run(b, 200 * MS);
+		rig_fault(&b->rig, verbs[i].device, verbs[i].fault, false);
+		if (alarms)
+			until(b, verbs[i].alarm, false, now(b), 8 * BB_NS_PER_S);
+		run(b, 500 * MS);
+		ends_well(b);
+	}
+	for (size_t c = 0; c < BB_ARRAY_LEN(classes); c++) /* none was forgotten above */
+		for (const struct sim_verb *v = c ? sim_chain_shutter_verbs : sim_chain_can_verbs; v->name; v++) {
+			size_t i = 0;
+			while (i < BB_ARRAY_LEN(verbs) && (strncmp(verbs[i].device, classes[c], strlen(classes[c])) ||
+			                                   strncmp(verbs[i].fault, v->name, strlen(v->name))))
+				i++;
+			assert_true(i < BB_ARRAY_LEN(verbs));
+		}
+}
+
+static struct bb_shutter_edge newest(struct bench *b, uint8_t stage)
+{
+	struct bb_shutter_edge e, last = { 0 };
+	size_t n;
+
+	drain(b);
+	rig_run(&b->rig, 100 * MS);
+	while (bb_shutter_read(b->sh, &e, 1, &n) == BB_OK)
+		last = e.stage == stage ? e : last;
+	return last;
+}
+
+static void verbs_reach_the_edges(void **state)
+{
+	struct bench *b = *state;
+	const struct bb_shutter_edge before = newest(b, 1);
+
+	sim_chain_flip(b->far.chain, 2, true);
+	const struct bb_shutter_edge flipped = newest(b, 1);
+	assert_int_not_equal((flipped.seq + flipped.eye) % 2, (before.seq + before.eye) % 2);
+	sim_chain_flip(b->far.chain, 2, false);
+	sim_chain_offset(b->far.chain, 2, 900 * US);
+	const struct bb_shutter_edge late = newest(b, 1);
+	assert_int_equal((late.seq + late.eye) % 2, (before.seq + before.eye) % 2);
+	const int64_t later_ns = late.at_ns - before.at_ns - bb_rate_frame_ns(b->rig.fix.room.chain.rate, late.seq - before.seq);
+	assert_in_range(later_ns, 880 * US, 920 * US); /* jitter, rate */
+	sim_chain_offset(b->far.chain, 2, -900 * US);
+	count_anew(b);
+	run(b, 50 * MS);
+	sim_chain_miss(b->far.chain, 2, 3);
+	run(b, 150 * MS);
+	assert_int_equal(b->gaps, 1);
+	assert_in_range(b->n[1], 20, 22);
+	assert_in_range(b->n[0], 23, 25);
+}
+
+/* ---- through a kernel's bus: its own sockets at both ends, in real time ---- */
+
+#define HEARTBEAT_MOST (150 * MS + 2 * POLL)
+
+static const struct {
+	const char *row, *what, *device, *fault;
+	enum bb_shutter_can_fault alarm;
+	int64_t hold_ns, budget_ns; /* how long it stays; 0: it is over at once */
+} kernel_rows[] = {
+	{ "C1", "vcan: error frames say bus-off", "can/chain", "bus_off", BB_CANF_BUS_OFF, 100 * MS, 10 * MS },
+	{ "C2", "vcan: babbling node, 3300/s", "can/chain", "babble id=0x123 us=300", BB_CANF_BABBLE, 300 * MS,
+	  100 * MS },
+	{ "C3", "vcan: node unplugged from the bus", "can/chain", "unplug stage=left", BB_CANF_NODE_LOST, 600 * MS,
+	  HEARTBEAT_MOST },
+	{ "C3", "vcan: node without power, then boots", "can/chain", "power stage=left", BB_CANF_NODE_LOST, 600 * MS,
+	  HEARTBEAT_MOST },
+	{ "C5", "vcan: a counter that stands still", "can/chain", "freeze stage=left", BB_CANF_STALE, 200 * MS,
+	  2 * PERIOD + 2 * POLL },
+	{ "C5", "vcan: somebody with the host's own id", "can/chain", "twin", BB_CANF_DUP_ID, 0, PERIOD },
+	{ "C5", "vcan: SYNC of 3 bytes", "can/chain", "bad_sync", BB_CANF_PROTO, 0, PERIOD },
+	{ "C6", "vcan: three SYNCs missing", "can/chain", "drop_sync n=3", BB_CANF_SYNC_LATE, 0, 2 * PERIOD + 2 * POLL },
+	{ "C6", "vcan: SYNC 3 ms late", "can/chain", "late_sync us=3000", BB_CANF_SYNC_LATE, 200 * MS,
+	  2 * PERIOD + 2 * POLL },
+};
+
+static int kernel_setup(void **state)
+{
+	struct bench *b = calloc(1, sizeof(*b));
+
+	if (!b || bb_clock_posix_create(&b->rig.clk) != BB_OK)
+		return -1;
+	fixture_room_init(&b->rig.fix);
+	rig_world(&b->rig, 5, 1);
+	b->sh = can_far_open_on(&b->rig, &b->far, "vcan0", CAN_NODE);
+	assert_int_equal(sim_world_register(b->rig.world, "can", "chain", b->far.chain, sim_chain_can_verbs), BB_OK);
+	assert_int_equal(bb_shutter_set_mode(b->sh, BB_SHUTTER_STEREO), BB_OK);
+	rig_run(&b->rig, 300 * MS);
+	*state = b;
+	return 0;
+}
+
+/* All is well, and stays so: no edge is missing. */
+static void kernel_ends_well(struct bench *b)
+{
+	for (int i = 0; i < 400 && bb_shutter_can_status(b->sh).health != BB_HEALTH_OK; i++)
+		run(b, 5 * MS);
+	count_anew(b);
+	run(b, 300 * MS);
+	for (int s = 0; s < 4; s++)
+		assert_in_range(b->n[s], 34, 38);
+	assert_int_equal(b->gaps, 0);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_OK);
+}
+
+/* From its being injected until somebody who reads every half a millisecond sees the alarm. */
+static int64_t kernel_found_ns(struct bench *b, enum bb_shutter_can_fault fault, uint64_t count, int64_t from_ns)
+{
+	while (alarm_of(b, fault).count == count) {
+		assert_true(now(b) - from_ns < BB_NS_PER_S);
+		run(b, MS / 2);
+	}
+	return now(b) - from_ns;
+}
+
+static void rows_on_a_kernels_bus(void **state)
+{
+	struct bench *b = *state;
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(kernel_rows); i++) {
+		const enum bb_shutter_can_fault fault = kernel_rows[i].alarm;
+		const uint64_t count = alarm_of(b, fault).count;
+		int64_t ended_ns = now(b);
+		rig_fault(&b->rig, kernel_rows[i].device, kernel_rows[i].fault, true);
+		const int64_t found_ns = kernel_found_ns(b, fault, count, ended_ns);
+		if (kernel_rows[i].hold_ns) {
+			run(b, kernel_rows[i].hold_ns);
+			ended_ns = now(b);
+			rig_fault(&b->rig, kernel_rows[i].device, kernel_rows[i].fault, false);
+		}
+		run(b, 3 * PERIOD); /* the end may be one more, as of a SYNC in its old place */
+		while (alarm_of(b, fault).active) {
+			assert_true(now(b) - ended_ns < 8 * BB_NS_PER_S);
+			run(b, MS / 2);
+		}
+		const int64_t over_ns = alarm_of(b, fault).cleared_ns - ended_ns;
+		row(b, kernel_rows[i].row, fault, kernel_rows[i].what, found_ns, kernel_rows[i].budget_ns,
+		    over_ns > 0 ? over_ns : 0);
+		kernel_ends_well(b);
+	}
+}
+
+static void an_interface_of_the_kernels_goes_down(void **state)
+{
+	struct bench *b = *state;
+	const int64_t from_ns = now(b);
+
+	assert_int_equal(system("ip link set vcan0 down"), 0);
+	const int64_t found_ns = kernel_found_ns(b, BB_CANF_IF_DOWN, 0, from_ns);
+	run(b, 500 * MS);
+	assert_int_equal(bb_shutter_can_status(b->sh).health, BB_HEALTH_HOLDOVER);
+	assert_int_equal(system("ip link set vcan0 up"), 0);
+	const int64_t up_ns = now(b);
+	const int64_t over_ns = until(b, BB_CANF_IF_DOWN, false, up_ns, 2 * BB_NS_PER_S);
+	row(b, "C6", BB_CANF_IF_DOWN, "vcan: interface down for 0.5 s", found_ns, 50 * MS, over_ns);
+	kernel_ends_well(b);
+	assert_true(b->worst_read_ns < PERIOD); /* no read of any row held the frame loop */
+	print_message("the longest read took %.3f ms\n", (double)b->worst_read_ns * 1e-6);
+}
+
 #define T(f) cmocka_unit_test_setup_teardown(f, setup, teardown)
 
 int main(void)
@@ -500,8 +708,14 @@ int main(void)
 		T(c1_bus_off), T(c1_by_counters), T(c1_too_often), T(c2_babbling_stranger), T(c2_babbling_above_sync),
 		T(c2_babbling_stage), T(c3_node_lost), T(c3_node_boots), T(c4_queue_full), T(c4_nothing_drains),
 		T(c5_wrong_frames), T(c5_duplicate_node), T(c5_stale_counter), T(c6_sync_missing), T(c6_sync_late),
-		T(c6_link_down), T(noise_costs_time_only),
+		T(c6_link_down), T(noise_costs_time_only), T(verbs_do_what_they_say), T(verbs_reach_the_edges),
 	};
 
-	return cmocka_run_group_tests(tests, NULL, NULL);
+	const struct CMUnitTest kernel[] = {
+		cmocka_unit_test_setup_teardown(rows_on_a_kernels_bus, kernel_setup, teardown),
+		cmocka_unit_test_setup_teardown(an_interface_of_the_kernels_goes_down, kernel_setup, teardown),
+	};
+
+	return getenv("BB_KERNEL") ? cmocka_run_group_tests(kernel, NULL, NULL) :
+	                             cmocka_run_group_tests(tests, NULL, NULL);
 }

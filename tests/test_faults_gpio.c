@@ -1,11 +1,13 @@
 /*
  * tests/test_faults_gpio.c: rows G1 to G9 of the fault matrix on the shipped GPIO driver: each is injected at the far
- * end of the line, and found, named and got over within its budget, in virtual time. Prints the table.
+ * end of the line, and found, named and got over within its budget, in virtual time. Prints the table. With BB_KERNEL=1
+ * what a kernel's chip can be told to do goes through the kernel instead, in real time.
  */
 #include "tests/fault_table.h"
 #include "tests/fixture_room.h"
 
 #include <errno.h>
+#include <time.h>
 
 #include "drivers/shutter_gpio.h"
 #include "sim/bus_sim_line.h"
@@ -533,6 +535,137 @@ static void a_bad_uri_is_refused(void **state)
 	bb_clock_destroy(b.clk);
 }
 
+/* ---- through a kernel's chip (sim/kmod/), in real time ---- */
+
+struct chip {
+	struct bb_clock *clk;
+	struct bb_shutter *sh;
+	const struct bb_edge_lock *lock;
+	struct bb_shutter_edge last;
+	uint64_t edges, untold;
+	int64_t worst_read_ns;
+};
+
+static void tell_chip(const char *command)
+{
+	FILE *f = fopen("/dev/bb-gpio", "w");
+
+	assert_non_null(f);
+	assert_true(fputs(command, f) >= 0);
+	assert_int_equal(fclose(f), 0);
+}
+
+static enum bb_eye chip_eye(void)
+{
+	char levels[16] = "";
+	FILE *f = fopen("/dev/bb-gpio", "r");
+
+	assert_non_null(f);
+	assert_non_null(fgets(levels, sizeof(levels), f));
+	fclose(f);
+	return levels[3] == '1' ? BB_EYE_LEFT : BB_EYE_RIGHT;
+}
+
+static void chip_run(struct chip *c, int64_t for_ns)
+{
+	const int64_t end_ns = bb_clock_now_ns(c->clk) + for_ns;
+	struct bb_shutter_edge e[16];
+	size_t n;
+
+	while (bb_clock_now_ns(c->clk) < end_ns) {
+		bb_clock_run_until(c->clk, bb_clock_now_ns(c->clk) + MS);
+		const int64_t begun_ns = bb_clock_now_ns(c->clk);
+		while (bb_shutter_read(c->sh, e, BB_ARRAY_LEN(e), &n) == BB_OK) {
+			for (size_t i = 0; i < n; i++)
+				c->untold += e[i].eye == BB_EYE_NONE;
+			c->last = e[n - 1];
+			c->edges += n;
+		}
+		if (bb_clock_now_ns(c->clk) - begun_ns > c->worst_read_ns)
+			c->worst_read_ns = bb_clock_now_ns(c->clk) - begun_ns;
+	}
+}
+
+/* Every edge is there, and its eye that of the line. */
+static void chip_is_well(struct chip *c)
+{
+	const uint32_t seq = c->last.seq;
+	int judged = 0;
+
+	c->edges = c->untold = 0;
+	for (int i = 0; i < 300; i++) {
+		chip_run(c, MS);
+		const int64_t age_ns = bb_clock_now_ns(c->clk) - c->last.at_ns;
+		if (age_ns < MS || age_ns > 6 * MS)
+			continue;
+		assert_int_equal(chip_eye(), c->last.eye);
+		judged++;
+	}
+	assert_true(judged > 50);
+	assert_int_equal(c->last.seq - seq, c->edges);
+	assert_in_range(c->edges, 35, 50);
+	assert_int_equal(c->untold, 0);
+}
+
+/* Tells the chip, or lets nobody look for deaf_ns; then until it is found, named, and over. */
+static void chip_row(struct chip *c, const char *id, const char *what, const char *command, int64_t deaf_ns,
+                     enum bb_sync_fault f, int64_t budget_ns)
+{
+	const struct timespec deaf = { .tv_sec = deaf_ns / BB_NS_PER_S };
+	const char *name = bb_sync_fault_text(f);
+	const uint64_t before = c->lock->fault[f].n;
+	char named[TELLTALE];
+
+	if (command)
+		tell_chip(command);
+	else
+		nanosleep(&deaf, NULL);
+	const int64_t from_ns = bb_clock_now_ns(c->clk);
+	while (c->lock->fault[f].n == before) {
+		assert_true(bb_clock_now_ns(c->clk) - from_ns < BB_NS_PER_S);
+		chip_run(c, MS / 2);
+	}
+	const int64_t found_ns = bb_clock_now_ns(c->clk) - from_ns;
+	snprintf(named, sizeof(named), "%s", bb_shutter_device(c->sh)->last_error.detail);
+	if (strncmp(named, name, strlen(name)))
+		fail_msg("last_error says \"%s\", not %s", named, name);
+	while (c->lock->fault[f].set || bb_shutter_gpio_health(c->sh) != BB_HEALTH_OK) {
+		assert_true(bb_clock_now_ns(c->clk) - from_ns < 12 * BB_NS_PER_S);
+		chip_run(c, MS / 2);
+	}
+	fault_row(id, what, named, found_ns, budget_ns, bb_clock_now_ns(c->clk) - from_ns - found_ns);
+	assert_in_range(found_ns, 0, budget_ns);
+	chip_is_well(c);
+}
+
+static void rows_on_a_kernels_chip(void **state)
+{
+	const struct bb_shutter_config config = { .id = "chain", .rate = { 120, 1 }, .open_us = 1800, .close_us = 300 };
+	struct chip c = { 0 };
+	struct bb_uri uri;
+
+	(void)state;
+	tell_chip("wave 3 8333333");
+	assert_int_equal(bb_uri_parse("gpio:/dev/gpiochip0?line=3", &uri, NULL, NULL), BB_OK);
+	assert_int_equal(bb_clock_posix_create(&c.clk), BB_OK);
+	const struct bb_open open = { .clk = c.clk, .uri = &uri, .seed = 3 };
+	assert_int_equal(bb_shutter_open(&bb_shutter_gpio_driver, &config, &open, &c.sh), BB_OK);
+	c.lock = bb_shutter_gpio_lock(c.sh);
+	assert_int_equal(bb_shutter_set_mode(c.sh, BB_SHUTTER_STEREO), BB_OK);
+	chip_run(&c, 2 * BB_NS_PER_S);
+	chip_is_well(&c);
+	chip_row(&c, "G1", "chip: silent for 12 edges", "miss 3 12", 0, BB_SYNC_LOST, 5 * T_NS / 2 + 2 * MS);
+	chip_row(&c, "G3", "chip: one interrupt lost", "miss 3 1", 0, BB_SYNC_MISSED, 3 * T_NS + 2 * MS);
+	chip_row(&c, "G3", "chip: two interrupts lost", "miss 3 2", 0, BB_SYNC_MISSED, 4 * T_NS + 2 * MS);
+	c.worst_read_ns = 0;
+	chip_row(&c, "G4", "chip: nobody looks for 10 s", NULL, 10 * BB_NS_PER_S, BB_SYNC_OVERRUN, 2 * MS);
+	assert_true(c.worst_read_ns < T_NS); /* not even with a full queue */
+	print_message("the longest read took %.3f ms\n", (double)c.worst_read_ns * 1e-6);
+	bb_shutter_close(c.sh);
+	bb_clock_destroy(c.clk);
+	tell_chip("stop");
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -551,5 +684,9 @@ int main(void)
 		cmocka_unit_test(a_bad_uri_is_refused),
 	};
 
+	const struct CMUnitTest kernel[] = { cmocka_unit_test(rows_on_a_kernels_chip) };
+
+	if (getenv("BB_KERNEL"))
+		return cmocka_run_group_tests_name("faults: GPIO sync line of a kernel", kernel, NULL, NULL);
 	return cmocka_run_group_tests_name("faults: GPIO sync line", tests, NULL, NULL);
 }

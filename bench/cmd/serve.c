@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/prctl.h>
 #include <sys/signalfd.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -20,15 +21,16 @@
 #define TOKEN_DIGITS_LEAST 32 /* hexadecimal: 128 bits */
 #define FRAME_NS (BB_NS_PER_S / 60) /* of faults that last so many frames */
 #define WAIT_MOST_NS (BB_NS_PER_S / 5)
-#define FAULTS_WAIT_NS (BB_NS_PER_S / 100)
 
 /* The wires there are, in the order they are printed. */
-static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus, &bb_serve_usbip };
+static const struct bb_serve_kind *const kinds[] = { &bb_serve_modbus, &bb_serve_usbip, &bb_serve_can };
 
 static const struct bb_cli_option options[] = {
 	{ "modbus-port", "N", "port of the first power strip, the next ones follow; 0: any free ones (1502)" },
 	{ "usbip-port", "N", "port of the USB devices, all on one; 0: any free one (3240)" },
 	{ "pty", NULL, "serial devices too: Modbus RTU, a pty each" },
+	{ "can", "INTERFACE", "the shutter chain as CANopen controllers on that interface, which is up: vcan0" },
+	{ "can-hardware", NULL, "the interface has a cable, and nothing real is on it" },
 	{ "bind", "ADDRESS", "listen there instead of 127.0.0.1; not loopback: only with --token-file" },
 	{ "token-file", "FILE", "mode 0600, a line of at least 32 hexadecimal digits that a client must send first" },
 	{ "fault", "TEXT", "plant a fault, as in run; times count from the start; may be repeated" },
@@ -167,20 +169,22 @@ static int signals(void)
 	return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
 }
 
-static void serve_until(struct bb_serve *s, void *const *states, int signal_fd, int64_t end_ns, int64_t tick_ns)
+static void serve_until(struct bb_serve *s, void *const *states, int signal_fd, int64_t end_ns)
 {
 	struct signalfd_siginfo told;
 	int64_t wake_ns = 0;
 
 	for (;;) {
 		const int64_t now_ns = bb_clock_now_ns(s->clk);
-		int64_t wait_ns = wake_ns - now_ns < tick_ns ? wake_ns - now_ns : tick_ns;
+		const int64_t until_ns[] = { wake_ns, end_ns, bb_clock_next_ns(s->clk) };
+		int64_t wait_ns = WAIT_MOST_NS;
 		if (now_ns >= end_ns)
 			return;
-		wait_ns = end_ns - now_ns < wait_ns ? end_ns - now_ns : wait_ns;
+		for (size_t i = 0; i < BB_ARRAY_LEN(until_ns); i++)
+			wait_ns = until_ns[i] - now_ns < wait_ns ? until_ns[i] - now_ns : wait_ns;
 		if (sim_wire_wait(s->wire, wait_ns > 0 ? wait_ns : 0) && read(signal_fd, &told, sizeof(told)) > 0)
 			return;
-		bb_clock_run_until(s->clk, bb_clock_now_ns(s->clk)); /* faults that are due */
+		bb_clock_run_until(s->clk, bb_clock_now_ns(s->clk)); /* faults and controllers that are due */
 		sim_wire_serve(s->wire);
 		wake_ns = BB_NEVER;
 		for (size_t k = 0; k < BB_ARRAY_LEN(kinds); k++) {
@@ -209,6 +213,7 @@ static int serve(struct bb_serve *s, struct faults *faults, struct bb_error *err
 	enum bb_status status = bb_cli_number(s->cli, "for", 0, 0.01, 1e9, &for_s, err);
 	const int fd = signals();
 
+	prctl(PR_SET_TIMERSLACK, 1UL, 0, 0, 0); /* a controller's edge is not to be 50 us late for the sake of a battery */
 	if (status == BB_OK && (fd < 0 || !sim_wire_watch(s->wire, fd)))
 		status = bb_fail(err, BB_ERR_INTERNAL, 1571, NULL, "no signalfd: %s", strerror(errno));
 	if (status == BB_OK)
@@ -219,7 +224,7 @@ static int serve(struct bb_serve *s, struct faults *faults, struct bb_error *err
 		const int64_t end_ns = for_s > 0 ? bb_clock_now_ns(s->clk) + (int64_t)(for_s * 1e9) : BB_NEVER;
 		code = print(s);
 		fflush(stdout); /* whoever waits for the ports reads a pipe */
-		serve_until(s, states, fd, end_ns, faults->n ? FAULTS_WAIT_NS : WAIT_MOST_NS);
+		serve_until(s, states, fd, end_ns);
 	} else {
 		code = bb_cli_fail(status, err);
 	}
@@ -277,8 +282,8 @@ static int command(const struct bb_cli *cli)
 const struct bb_command bb_cmd_serve = {
 	"serve",
 	"the simulated devices of a room on wires that other programs can open",
-	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--bind ADDRESS --token-file FILE] [--fault TEXT]... [--for S] "
-	"[--json]",
+	"ROOM [--modbus-port N] [--usbip-port N] [--pty] [--can INTERFACE] [--bind ADDRESS --token-file FILE] "
+	"[--fault TEXT]... [--for S] [--json]",
 	options,
 	1,
 	1,

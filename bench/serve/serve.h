@@ -36,12 +36,12 @@ struct bb_serve_kind { /* a table of these ends with name == NULL */
 	/* Puts its devices on its wire and adds a row for each; *state is handed to the others. No such device in the
 	 * room: BB_OK and no row. Faults find what was registered with sim_world_register. */
 	enum bb_status (*attach)(struct bb_serve *s, void **state, struct bb_error *err);
-	/* Called after every wait, with nothing to do most of the time; returns when it wants to run again. Its files
-	 * were given to sim_wire_watch. May be NULL. */
+	/* Called after every wait, with nothing to do most of the time; returns when it wants to run again, besides the
+	 * clock's timers. Its files were given to sim_wire_watch. May be NULL. */
 	int64_t (*step)(struct bb_serve *s, void *state, int64_t now_ns);
 	void (*detach)(struct bb_serve *s, void *state); /* state may be NULL */
 };
-extern const struct bb_serve_kind bb_serve_modbus, bb_serve_usbip;
+extern const struct bb_serve_kind bb_serve_modbus, bb_serve_usbip, bb_serve_can;
 
 /* The next free row, or NULL with error 1571. */
 struct bb_serve_row *bb_serve_add(struct bb_serve *s, const char *wire, const char *class_name, const char *id,

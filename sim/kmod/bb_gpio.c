@@ -6,6 +6,7 @@
  *   set L V      the world puts line L to V (0 or 1)
  *   wave L NS    line L changes its level every NS ns (100 us .. 10 s), on an absolute grid: a late tick does not move
  *                the next ones, and ticks that were slept through are skipped in pairs so that the parity holds
+ *   miss L N     the next N changes of line L reach no program: the interrupt is lost, the level is not
  *   stop         the wave ends; the level stays
  *
  * Reading gives the levels of all lines, line 0 first, as "01000000\n": outputs as driven, inputs as the world has them.
@@ -37,7 +38,7 @@ struct bb_chip {
 	struct hrtimer timer;
 	raw_spinlock_t lock; /* everything below */
 	unsigned long levels, inputs, rising, falling, enabled, pending;
-	unsigned int wave_line;
+	unsigned int wave_line, missed[LINES];
 	u64 wave_ns;
 };
 
@@ -49,6 +50,10 @@ static bool put_level(struct bb_chip *c, unsigned int line, bool level)
 	if (level == test_bit(line, &c->levels))
 		return false;
 	__assign_bit(line, &c->levels, level);
+	if (c->missed[line]) {
+		c->missed[line]--;
+		return false;
+	}
 	if (!test_bit(line, &c->enabled) || !test_bit(line, level ? &c->rising : &c->falling))
 		return false;
 	__set_bit(line, &c->pending);
@@ -209,6 +214,18 @@ static int command_set(struct bb_chip *c, unsigned int line, unsigned int level)
 	return ret;
 }
 
+static int command_miss(struct bb_chip *c, unsigned int line, unsigned int n)
+{
+	unsigned long flags;
+
+	if (line >= LINES)
+		return -EINVAL;
+	raw_spin_lock_irqsave(&c->lock, flags);
+	c->missed[line] = n;
+	raw_spin_unlock_irqrestore(&c->lock, flags);
+	return 0;
+}
+
 static void command_stop(struct bb_chip *c)
 {
 	unsigned long flags;
@@ -243,7 +260,7 @@ static int command_wave(struct bb_chip *c, unsigned int line, u64 ns)
 static ssize_t world_write(struct file *file, const char __user *from, size_t n, loff_t *pos)
 {
 	struct bb_chip *c = container_of(file->private_data, struct bb_chip, misc);
-	unsigned int line, level;
+	unsigned int line, level; /* or a count */
 	char text[48], end;
 	int ret = -EINVAL;
 	u64 ns;
@@ -255,6 +272,8 @@ static ssize_t world_write(struct file *file, const char __user *from, size_t n,
 	text[n] = '\0';
 	if (sscanf(text, "set %u %u %c", &line, &level, &end) == 2)
 		ret = command_set(c, line, level);
+	else if (sscanf(text, "miss %u %u %c", &line, &level, &end) == 2)
+		ret = command_miss(c, line, level);
 	else if (sscanf(text, "wave %u %llu %c", &line, &ns, &end) == 2)
 		ret = command_wave(c, line, ns);
 	else if (sysfs_streq(text, "stop")) {

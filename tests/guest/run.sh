@@ -197,6 +197,7 @@ show() {
 	done <$out/results
 	# How far each class's simulation and peer can stand for the kernel: one table over all cases.
 	cat $out/logs/*/out | grep '^fidelity ' | awk '!seen[$0]++' | tee $out/fidelity.txt
+	cat $out/logs/*/out | grep '^fault ' | awk '!seen[$0]++'
 }
 
 junit() {
