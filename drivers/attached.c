@@ -58,7 +58,8 @@ static void read_line(const char *root, const char *path, char *out, size_t cap)
 			*c = '?';
 }
 
-static void attribute(const struct listing *l, const char *dir, const char *name, const char *attribute, char *out, size_t cap)
+static void attribute(const struct listing *l, const char *dir, const char *name, const char *attribute, char *out,
+		      size_t cap)
 {
 	char path[400];
 
@@ -67,19 +68,29 @@ static void attribute(const struct listing *l, const char *dir, const char *name
 		read_line(l->root, path, out, cap);
 }
 
+/* A number of sysfs, 0 when it is none: nothing of ours has it then. */
+static unsigned long number(const char *text, int base)
+{
+	char *end;
+	const unsigned long v = strtoul(text, &end, base);
+
+	return end == text || *end ? 0 : v;
+}
+
 static uint16_t hex_attribute(const struct listing *l, const char *dir, const char *name, const char *what)
 {
 	char text[16];
 
 	attribute(l, dir, name, what, text, sizeof(text));
-	return (uint16_t)strtoul(text, NULL, 16);
+	return (uint16_t)number(text, 16);
 }
 
 static bool may_use(const char *root, const char *node)
 {
 	char path[400];
 
-	return snprintf(path, sizeof(path), "%s%s", root, node) < (int)sizeof(path) && faccessat(AT_FDCWD, path, R_OK | W_OK, AT_EACCESS) == 0;
+	return snprintf(path, sizeof(path), "%s%s", root, node) < (int)sizeof(path) &&
+	       faccessat(AT_FDCWD, path, R_OK | W_OK, AT_EACCESS) == 0;
 }
 
 static const struct known *known_as(const char *scheme, uint16_t vendor, uint16_t product)
@@ -110,9 +121,9 @@ static void identify(struct bb_attached *a, const char *name)
 
 	a->known = k;
 	snprintf(a->device, sizeof(a->device), "%s:%04x:%04x%s%.40s", a->scheme, a->vendor, a->product,
-	         a->serial[0] ? "?serial=" : "", a->serial);
-	snprintf(a->what, sizeof(a->what), "%.60s%s%s%s", name[0] ? name : "(without a name)", k ? " (" : "", k ? k->name : "",
-	         k ? ")" : "");
+		 a->serial[0] ? "?serial=" : "", a->serial);
+	snprintf(a->what, sizeof(a->what), "%.60s%s%s%s", name[0] ? name : "(without a name)", k ? " (" : "",
+		 k ? k->name : "", k ? ")" : "");
 }
 
 /* ---- one function a scheme: name is an entry of its folder ---- */
@@ -141,11 +152,11 @@ static void on_net(struct listing *l, const char *name)
 	char text[32];
 
 	attribute(l, NET_DIR, name, "type", text, sizeof(text));
-	struct bb_attached *a = atoi(text) != ARPHRD_CAN ? NULL : add(l, "can", "");
+	struct bb_attached *a = number(text, 10) != ARPHRD_CAN ? NULL : add(l, "can", "");
 	if (!a)
 		return;
 	attribute(l, NET_DIR, name, "flags", text, sizeof(text));
-	a->usable = strtoul(text, NULL, 16) & IFF_UP;
+	a->usable = number(text, 16) & IFF_UP;
 	snprintf(a->device, sizeof(a->device), "can:%.60s", name);
 	snprintf(a->what, sizeof(a->what), "CAN interface, %s", a->usable ? "up" : "down");
 }
@@ -154,13 +165,13 @@ static void on_usb(struct listing *l, const char *name)
 {
 	const uint16_t vendor = hex_attribute(l, USB_DIR, name, "idVendor");
 	const uint16_t product = hex_attribute(l, USB_DIR, name, "idProduct");
-	char bus[8], number[8], node[64], product_name[64];
+	char bus[8], device[8], node[64], product_name[64];
 
 	if (strchr(name, ':') || !vendor)
 		return;
 	attribute(l, USB_DIR, name, "busnum", bus, sizeof(bus));
-	attribute(l, USB_DIR, name, "devnum", number, sizeof(number));
-	snprintf(node, sizeof(node), "/dev/bus/usb/%03d/%03d", atoi(bus), atoi(number));
+	attribute(l, USB_DIR, name, "devnum", device, sizeof(device));
+	snprintf(node, sizeof(node), "/dev/bus/usb/%03lu/%03lu", number(bus, 10), number(device, 10));
 	struct bb_attached *a = add(l, "usb", node);
 	if (!a)
 		return;
@@ -184,7 +195,6 @@ static void uevent_value(const char *text, const char *key, char *out, size_t ca
 static void on_hid(struct listing *l, const char *name)
 {
 	char path[400], full[1024], id[40], product[64], node[64];
-	unsigned bus, vendor, product_id;
 	FILE *f;
 	size_t n = 0;
 
@@ -199,14 +209,16 @@ static void on_hid(struct listing *l, const char *name)
 	for (size_t i = 0; i < n; i++)
 		full[i] = (unsigned char)full[i] < ' ' || full[i] == 0x7f ? '?' : full[i]; /* ends of lines, too */
 	uevent_value(full, "HID_ID=", id, sizeof(id));
-	if (sscanf(id, "%x:%x:%x", &bus, &vendor, &product_id) != 3)
+	const char *vendor = strchr(id, ':'), *device = vendor ? strchr(vendor + 1, ':') : NULL;
+	if (!device)
 		return;
+	id[device - id] = '\0'; /* vendor and device are now texts of their own */
 	snprintf(node, sizeof(node), "/dev/%.50s", name);
 	struct bb_attached *a = add(l, "hid", node);
 	if (!a)
 		return;
-	a->vendor = (uint16_t)vendor;
-	a->product = (uint16_t)product_id;
+	a->vendor = (uint16_t)number(vendor + 1, 16);
+	a->product = (uint16_t)number(device + 1, 16);
 	uevent_value(full, "HID_UNIQ=", a->serial, sizeof(a->serial));
 	uevent_value(full, "HID_NAME=", product, sizeof(product));
 	identify(a, product);
@@ -264,8 +276,8 @@ size_t bb_attached_list(const char *root, struct bb_attached *out, size_t cap)
 	static const struct {
 		const char *dir;
 		void (*on)(struct listing *l, const char *name);
-	} folders[] = { { NET_DIR, on_net }, { INPUT_DIR, on_input }, { GPIO_DIR, on_gpio }, { HID_DIR, on_hid },
-		        { I2C_DIR, on_i2c }, { USB_DIR, on_usb } };
+	} folders[] = { { NET_DIR, on_net }, { INPUT_DIR, on_input }, { GPIO_DIR, on_gpio },
+			{ HID_DIR, on_hid }, { I2C_DIR, on_i2c },     { USB_DIR, on_usb } };
 	struct listing l = { .root = root, .out = out, .cap = cap };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(folders); i++) {

@@ -20,12 +20,14 @@
 static const struct scheme {
 	const char *name, *dir, *absent, *load; /* the folder of the kernel's that is there when its part is loaded */
 } schemes[] = {
-	{ "gpio", "/sys/bus/gpio/devices", "the kernel knows no GPIO chip", "load the driver of the chip, then look at `gpiodetect`" },
+	{ "gpio", "/sys/bus/gpio/devices", "the kernel knows no GPIO chip",
+	  "load the driver of the chip, then look at `gpiodetect`" },
 	{ "can", "/sys/class/net", "the kernel has no network", "modprobe can-raw, and the driver of the adapter" },
 	{ "usb", "/sys/bus/usb/devices", "the kernel has no USB", "modprobe xhci_pci" },
 	{ "hid", "/sys/class/hidraw", "the kernel has no hidraw", "modprobe hid-generic" },
 	{ "evdev", "/sys/class/input", "the kernel has no input devices", "modprobe evdev" },
-	{ "i2c", "/sys/class/i2c-dev", "i2c-dev is not loaded", "modprobe i2c-dev (and name it in /etc/modules-load.d)" },
+	{ "i2c", "/sys/class/i2c-dev", "i2c-dev is not loaded",
+	  "modprobe i2c-dev (and name it in /etc/modules-load.d)" },
 };
 
 static const struct scheme *scheme_of(const char *name)
@@ -54,21 +56,26 @@ static void say_refused(const char *root, const char *node, struct bb_attached_a
 	snprintf(path, sizeof(path), "%s%s", root, node);
 	if (stat(path, &st)) {
 		snprintf(why, sizeof(why), "%s is not there, though the kernel has the device", node);
-		say(out, BB_ATTACHED_REFUSED, why, "start udev (`udevadm trigger`), or make the node: it is in a container without it");
+		say(out, BB_ATTACHED_REFUSED, why,
+		    "start udev (`udevadm trigger`), or make the node: it is in a container without it");
 		return;
 	}
 	getgrgid_r(st.st_gid, &group, names, sizeof(names), &found);
-	snprintf(why, sizeof(why), "%s may not be used: it is owner %u, group %.40s, mode %04o", node, (unsigned)st.st_uid,
-	         found ? group.gr_name : "unknown", (unsigned)st.st_mode & 07777);
+	snprintf(why, sizeof(why), "%s may not be used: it is owner %u, group %.40s, mode %04o", node,
+		 (unsigned)st.st_uid, found ? group.gr_name : "unknown", (unsigned)st.st_mode & 07777);
 	say(out, BB_ATTACHED_REFUSED, why,
-	    "`make install` puts 70-blackburst.rules into udev; then `adduser USER blackburst`, log in again and replug");
+	    "`make install` puts 70-blackburst.rules into udev; then `adduser USER blackburst`, log in again and "
+	    "replug");
 }
 
+/* "046d:c218" and nothing else. */
 static bool identity(const char *path, unsigned *vendor, unsigned *product)
 {
-	char end;
+	char *colon, *end;
 
-	return sscanf(path, "%4x:%4x%c", vendor, product, &end) == 2;
+	*vendor = (unsigned)strtoul(path, &colon, 16);
+	*product = *colon == ':' ? (unsigned)strtoul(colon + 1, &end, 16) : 0;
+	return colon - path == 4 && *colon == ':' && end - colon == 5 && !*end;
 }
 
 static const char *option(const struct bb_uri *uri, const char *key)
@@ -102,7 +109,7 @@ static bool is_it(const char *root, const struct bb_attached *a, const struct bb
 
 /* Nothing of the list is it: what would it be called, and what is there instead? */
 static void say_missing(const char *root, const struct bb_attached *list, size_t n, const struct bb_uri *uri,
-                        struct bb_attached_answer *out)
+			struct bb_attached_answer *out)
 {
 	const struct scheme *s = scheme_of(uri->scheme);
 	char path[400], why[200], others[120] = "";
@@ -118,16 +125,17 @@ static void say_missing(const char *root, const struct bb_attached *list, size_t
 			continue;
 		const size_t at = strlen(others);
 		if (same++ < 3)
-			snprintf(others + at, sizeof(others) - at, "%s%.36s", at ? ", " : "", list[i].device + strlen(uri->scheme) + 1);
+			snprintf(others + at, sizeof(others) - at, "%s%.36s", at ? ", " : "",
+				 list[i].device + strlen(uri->scheme) + 1);
 	}
 	if (same)
 		snprintf(why, sizeof(why), "not attached; there is %s%s", others, same > 3 ? " and more" : "");
 	else
 		snprintf(why, sizeof(why), "not attached, and nothing else of this kind is");
 	say(out, BB_ATTACHED_MISSING, why,
-	    !strcmp(uri->scheme, "can") ? "plug the adapter in; `ip -details link show type can` lists them" :
-	    !strcmp(uri->scheme, "i2c") ? "check the cable and that the display is on; `i2cdetect -l` lists the buses" :
-	                                  "plug it in, switch it on; `dmesg` says what the kernel made of it");
+	    !strcmp(uri->scheme, "can")   ? "plug the adapter in; `ip -details link show type can` lists them"
+	    : !strcmp(uri->scheme, "i2c") ? "check the cable and that the display is on; `i2cdetect -l` lists the buses"
+					  : "plug it in, switch it on; `dmesg` says what the kernel made of it");
 }
 
 static void say_down(const char *interface, struct bb_attached_answer *out)
@@ -135,7 +143,7 @@ static void say_down(const char *interface, struct bb_attached_answer *out)
 	char remedy[160];
 
 	snprintf(remedy, sizeof(remedy), "ip link set %.40s up%s", interface,
-	         strncmp(interface, "vcan", 4) ? " type can bitrate 1000000 restart-ms 100" : "");
+		 strncmp(interface, "vcan", 4) ? " type can bitrate 1000000 restart-ms 100" : "");
 	say(out, BB_ATTACHED_REFUSED, "the interface is down", remedy);
 }
 
@@ -177,10 +185,10 @@ static void match_tcp(const struct bb_uri *uri, struct bb_attached_answer *out)
 	if (!error)
 		return;
 	snprintf(why, sizeof(why), "%s:%s: %s", host, port ? port : "502",
-	         error == ENOENT ? "no such host" : strerror(error));
+		 error == ENOENT ? "no such host" : strerror(error));
 	say(out, BB_ATTACHED_MISSING, why,
-	    error == ECONNREFUSED ? "switch Modbus/TCP on in the strip's own pages, or correct the port" :
-	                            "check power, cable and address of the strip");
+	    error == ECONNREFUSED ? "switch Modbus/TCP on in the strip's own pages, or correct the port"
+				  : "check power, cable and address of the strip");
 }
 
 static void match_modbus(const char *root, const struct bb_uri *uri, struct bb_attached_answer *out)
@@ -192,7 +200,8 @@ static void match_modbus(const char *root, const struct bb_uri *uri, struct bb_a
 	} else if (!strncmp(uri->path, "rtu:", 4)) {
 		snprintf(path, sizeof(path), "%s%s", root, uri->path + 4);
 		if (access(path, F_OK))
-			say(out, BB_ATTACHED_MISSING, "no such serial port", "plug the adapter in; `ls /dev/serial/by-id` lists them");
+			say(out, BB_ATTACHED_MISSING, "no such serial port",
+			    "plug the adapter in; `ls /dev/serial/by-id` lists them");
 		else if (faccessat(AT_FDCWD, path, R_OK | W_OK, AT_EACCESS))
 			say_refused(root, uri->path + 4, out);
 	} else {
@@ -201,7 +210,7 @@ static void match_modbus(const char *root, const struct bb_uri *uri, struct bb_a
 }
 
 void bb_attached_match(const char *root, const struct bb_attached *list, size_t n, const struct bb_uri *uri,
-                       struct bb_attached_answer *out)
+		       struct bb_attached_answer *out)
 {
 	*out = (struct bb_attached_answer){ .state = BB_ATTACHED_HERE, .found = n };
 	if (!strcmp(uri->scheme, "modbus")) {

@@ -1,13 +1,13 @@
 /*
- * tests/test_attached.c: a folder of files stands for a machine; what is listed of it, and what is said of a device that a
- * room names: here, not usable, missing, and why.
+ * tests/test_attached.c: a folder of files stands for a machine; what is listed of it, and what is said of a device
+ * that a room names: here, not usable, missing, and why.
  */
 #define _GNU_SOURCE
 #include "drivers/attached.h"
 
+#include <arpa/inet.h>
 #include <setjmp.h>
 #include <stdarg.h>
-#include <arpa/inet.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -95,7 +95,8 @@ static void furnish(struct machine *m)
 	put(m, "/sys/class/input/event3/device/capabilities/key", "fff000000000000 0 0 0 0\n");
 	put(m, "/dev/input/event3", "");
 	put(m, "/sys/class/input/event4/device/name", "Keyboard\n");
-	put(m, "/sys/class/input/event4/device/capabilities/key", "402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe\n");
+	put(m, "/sys/class/input/event4/device/capabilities/key",
+	    "402000000 3803078f800d001 feffffdfffefffff fffffffffffffffe\n");
 }
 
 static const struct bb_attached *find(const struct machine *m, const char *device)
@@ -227,7 +228,7 @@ static void a_node_of_somebody_else_says_whose(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		T(what_is_there_is_listed), T(why_a_device_is_missing_is_said), T(an_unloaded_module_is_named),
+		T(what_is_there_is_listed),      T(why_a_device_is_missing_is_said),    T(an_unloaded_module_is_named),
 		T(a_strip_that_listens_is_here), T(a_node_of_somebody_else_says_whose),
 	};
 

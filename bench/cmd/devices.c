@@ -1,6 +1,6 @@
 /*
- * bench/cmd/devices.c: `blackburst devices [ROOM]`: what is attached to this machine that the drivers here can open; and
- * for each device of a room whether it is there, and if not, why and what to do. Opens none of them.
+ * bench/cmd/devices.c: `blackburst devices [ROOM]`: what is attached to this machine that the drivers here can open;
+ * and for each device of a room whether it is there, and if not, why and what to do. Opens none of them.
  */
 #include <jansson.h>
 #include <stdio.h>
@@ -19,26 +19,28 @@ static const struct bb_cli_option options[] = {
 };
 
 struct listing {
-	json_t *rows;          /* NULL: print */
+	json_t *rows; /* NULL: print */
 	const struct bb_attached *attached;
 	size_t n_attached;
 	size_t n, n_sim, n_here, n_missing;
 };
 
 static const char *const state_words[] = {
-	[BB_ATTACHED_HERE] = "here", [BB_ATTACHED_MISSING] = "missing",
-	[BB_ATTACHED_REFUSED] = "not usable", [BB_ATTACHED_UNSEEN] = "not seen from here",
+	[BB_ATTACHED_HERE] = "here",
+	[BB_ATTACHED_MISSING] = "missing",
+	[BB_ATTACHED_REFUSED] = "not usable",
+	[BB_ATTACHED_UNSEEN] = "not seen from here",
 };
 
 static void row(struct listing *l, const char *class_name, const char *id, const char *device, const char *state,
-                const struct bb_attached_answer *a)
+		const struct bb_attached_answer *a)
 {
 	const char *what = a->found < l->n_attached ? l->attached[a->found].what : "";
 
 	if (l->rows) {
-		json_array_append_new(l->rows, json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s}", "class", class_name, "id", id,
-		                                         "device", device, "state", state, "what", what, "why", a->why,
-		                                         "remedy", a->remedy));
+		json_array_append_new(l->rows, json_pack("{s:s, s:s, s:s, s:s, s:s, s:s, s:s}", "class", class_name,
+							 "id", id, "device", device, "state", state, "what", what,
+							 "why", a->why, "remedy", a->remedy));
 		return;
 	}
 	printf("%-9s %-14s %-40s %s%s%s\n", class_name, id, device, state, what[0] ? ": " : "", what);
@@ -47,7 +49,7 @@ static void row(struct listing *l, const char *class_name, const char *id, const
 }
 
 static void visit(void *ctx, enum bb_class class, size_t index, const char *class_name, const char *id, const char *uri,
-                  struct bb_device *dev)
+		  struct bb_device *dev)
 {
 	struct listing *l = ctx;
 	struct bb_uri parsed;
@@ -81,14 +83,16 @@ static void list_backends(json_t *out)
 
 	for (size_t i = 0; (b = bb_backend(i)); i++) {
 		char classes[120] = "";
-		const void *const have[] = { b->shutter, b->camera, b->display, b->monitor, b->power, b->gamepad, b->link };
-		static const char *const names[] = { "shutter", "camera", "display", "monitor", "power", "gamepad", "link" };
+		const void *const have[] = { b->shutter, b->camera,  b->display, b->monitor,
+					     b->power,   b->gamepad, b->link };
+		static const char *const names[] = { "shutter", "camera",  "display", "monitor",
+						     "power",   "gamepad", "link" };
 		for (size_t c = 0; c < BB_ARRAY_LEN(have); c++)
 			if (have[c])
 				snprintf(classes + strlen(classes), sizeof(classes) - strlen(classes), " %s", names[c]);
 		if (out)
 			json_array_append_new(out, json_pack("{s:s, s:s, s:s}", "scheme", b->scheme, "help", b->help,
-			                                     "classes", classes + 1));
+							     "classes", classes + 1));
 		else
 			printf("%s:%*s %s;%s\n", b->scheme, (int)(10 - strlen(b->scheme)), "", b->help, classes);
 	}
@@ -104,10 +108,12 @@ static void list_attached(const struct listing *l, bool all, json_t *out)
 			continue;
 		shown++;
 		if (out)
-			json_array_append_new(out, json_pack("{s:s, s:s, s:s, s:b, s:b}", "device", a->device, "node", a->node,
-			                                     "what", a->what, "known", a->known, "usable", a->usable));
+			json_array_append_new(out, json_pack("{s:s, s:s, s:s, s:b, s:b}", "device", a->device, "node",
+							     a->node, "what", a->what, "known", a->known, "usable",
+							     a->usable));
 		else
-			printf("%-40s %-18s %s%s\n", a->device, a->node, a->what, a->usable ? "" : " (not usable by this user)");
+			printf("%-40s %-18s %s%s\n", a->device, a->node, a->what,
+			       a->usable ? "" : " (not usable by this user)");
 	}
 	if (!out && !shown)
 		printf("nothing%s is attached to this machine\n", all ? "" : " that a driver here understands");
@@ -152,7 +158,8 @@ static int show(const struct bb_cli *cli, const struct bb_room *room, struct lis
 		return BB_EXIT_OK;
 	}
 	bb_rig_each(&closed, visit, l);
-	printf("\n%zu devices: %zu simulated, %zu here, %zu missing or not usable\n", l->n, l->n_sim, l->n_here, l->n_missing);
+	printf("\n%zu devices: %zu simulated, %zu here, %zu missing or not usable\n", l->n, l->n_sim, l->n_here,
+	       l->n_missing);
 	return BB_EXIT_OK;
 }
 
@@ -180,6 +187,11 @@ static int command(const struct bb_cli *cli)
 }
 
 const struct bb_command bb_cmd_devices = {
-	"devices", "what is attached, matched with a room: what is missing, why, and what to do", "[ROOM] [--all] [--json]",
-	options, 0, 1, command,
+	"devices",
+	"what is attached, matched with a room: what is missing, why, and what to do",
+	"[ROOM] [--all] [--json]",
+	options,
+	0,
+	1,
+	command,
 };
