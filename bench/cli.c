@@ -8,6 +8,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -307,6 +308,18 @@ static int exit_code_of(enum bb_status status)
 		break;
 	}
 	return BB_EXIT_INTERNAL;
+}
+
+int bb_cli_print_json(struct json_t *root)
+{
+	char *text = json_dumps(root, JSON_INDENT(2));
+
+	json_decref(root);
+	if (!text)
+		return BB_EXIT_INTERNAL;
+	puts(text);
+	free(text);
+	return BB_EXIT_OK;
 }
 
 int bb_cli_fail(enum bb_status status, const struct bb_error *err)

@@ -45,6 +45,10 @@ BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char 
 /* Prints err on standard error and returns the exit code for status. */
 int bb_cli_fail(enum bb_status status, const struct bb_error *err);
 
+/* Prints what --json asks for on standard output; takes the reference (jansson's). Returns an exit code. */
+struct json_t;
+int bb_cli_print_json(struct json_t *root);
+
 /* Takes a command line apart; commands end with NULL. BB_SKIPPED: help or version was asked for (cli->command is the
  * command to explain, NULL for all; option "version" is set for the version). Errors 1701 and 1703. */
 BB_MUST_CHECK enum bb_status bb_cli_parse(const struct bb_command *const *commands, int argc, const char *const *argv,

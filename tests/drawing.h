@@ -5,9 +5,14 @@
 #ifndef BB_TESTS_DRAWING_H
 #define BB_TESTS_DRAWING_H
 
+#include <setjmp.h>
+#include <stdarg.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include <cmocka.h>
 
 #include "render/renderer.h"
 
@@ -95,6 +100,42 @@ static inline struct bb_stream *drawing_stream(const struct bb_volume *v, const 
 	if (bb_stream_create(&config, &s) != BB_OK)
 		abort();
 	return s;
+}
+
+/* A picture of one of the views, of DRAWING_WIDTH x DRAWING_HEIGHT pixels. */
+#define DRAWING_WIDTH 160
+#define DRAWING_HEIGHT 120
+
+static inline struct bb_image drawing_picture(struct bb_renderer *r, const struct bb_stream *s, int view_index, double time,
+                                              double step_voxels, struct bb_draw_stats *stats)
+{
+	const struct bb_view view = drawing_view(view_index);
+	const struct bb_draw draw = { &view, s, time, step_voxels };
+	struct bb_image image;
+
+	assert_int_equal(bb_image_create(DRAWING_WIDTH, DRAWING_HEIGHT, &image), BB_OK);
+	assert_int_equal(bb_renderer_draw(r, &draw, &image, stats), BB_OK);
+	return image;
+}
+
+/* Draws with a back end and with the reference; says and returns how they differ. */
+static inline struct bb_image_difference drawing_against(struct bb_renderer *r, struct bb_renderer *reference, const char *name,
+                                                         const struct bb_stream *s, int view, double time,
+                                                         double step_voxels)
+{
+	struct bb_image_difference d;
+	struct bb_draw_stats own, ref;
+	struct bb_image a = drawing_picture(r, s, view, time, step_voxels, &own);
+	struct bb_image b = drawing_picture(reference, s, view, time, step_voxels, &ref);
+
+	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
+	printf("%s, view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n", name, view,
+	       time, d.psnr_db, (unsigned long)d.n_pixels, d.most, (double)ref.samples * 1e3 / (double)own.elapsed_ns,
+	       (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
+	assert_true(!own.rays || own.rays == ref.rays); /* those that count */
+	bb_image_release(&a);
+	bb_image_release(&b);
+	return d;
 }
 
 #endif

@@ -12,8 +12,8 @@
 
 #include "tests/drawing.h"
 
-#define WIDTH 160
-#define HEIGHT 120
+#define WIDTH DRAWING_WIDTH
+#define HEIGHT DRAWING_HEIGHT
 
 static const char *const kernels[] = { "avx512", "avx2", "portable" };
 
@@ -25,34 +25,9 @@ static struct {
 	struct bb_stream *stream;
 } fixture;
 
-static struct bb_image picture(struct bb_renderer *r, const struct bb_stream *s, int view_index, double time,
-			       double step_voxels, struct bb_draw_stats *stats)
+static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time, double step_voxels)
 {
-	const struct bb_view view = drawing_view(view_index);
-	const struct bb_draw draw = { &view, s, time, step_voxels };
-	struct bb_image image;
-
-	assert_int_equal(bb_image_create(WIDTH, HEIGHT, &image), BB_OK);
-	assert_int_equal(bb_renderer_draw(r, &draw, &image, stats), BB_OK);
-	return image;
-}
-
-static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time,
-						    double step_voxels)
-{
-	struct bb_image_difference d;
-	struct bb_draw_stats cpu, ref;
-	struct bb_image a = picture(fixture.cpu, s, view, time, step_voxels, &cpu);
-	struct bb_image b = picture(fixture.reference, s, view, time, step_voxels, &ref);
-
-	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
-	printf("%s, view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n",
-	       fixture.kernel, view, time, d.psnr_db, (unsigned long)d.n_pixels, d.most,
-	       (double)ref.samples * 1e3 / (double)cpu.elapsed_ns, (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
-	assert_int_equal(cpu.rays, ref.rays);
-	bb_image_release(&a);
-	bb_image_release(&b);
-	return d;
+	return drawing_against(fixture.cpu, fixture.reference, fixture.kernel, s, view, time, step_voxels);
 }
 
 static bool need_kernel(void)

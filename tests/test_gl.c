@@ -15,8 +15,8 @@
 
 #include "tests/drawing.h"
 
-#define WIDTH 160
-#define HEIGHT 120
+#define WIDTH DRAWING_WIDTH
+#define HEIGHT DRAWING_HEIGHT
 #define PICTURE_BYTES ((size_t)WIDTH * HEIGHT * 4)
 
 static struct {
@@ -27,34 +27,9 @@ static struct {
 	uint8_t *by_egl; /* [DRAWING_VIEWS] pictures; NULL when there is no EGL */
 } fixture;
 
-static struct bb_image picture(struct bb_renderer *r, const struct bb_stream *s, int view_index, double time,
-			       double step_voxels, struct bb_draw_stats *stats)
+static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time, double step_voxels)
 {
-	const struct bb_view view = drawing_view(view_index);
-	const struct bb_draw draw = { &view, s, time, step_voxels };
-	struct bb_image image;
-
-	assert_int_equal(bb_image_create(WIDTH, HEIGHT, &image), BB_OK);
-	assert_int_equal(bb_renderer_draw(r, &draw, &image, stats), BB_OK);
-	return image;
-}
-
-/* Draws with both back ends; returns how they differ. */
-static struct bb_image_difference against_reference(const struct bb_stream *s, int view, double time,
-						    double step_voxels)
-{
-	struct bb_image_difference d;
-	struct bb_draw_stats gl, ref;
-	struct bb_image a = picture(fixture.gl, s, view, time, step_voxels, &gl);
-	struct bb_image b = picture(fixture.reference, s, view, time, step_voxels, &ref);
-
-	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
-	printf("view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n", view,
-	       time, d.psnr_db, (unsigned long)d.n_pixels, d.most, (double)ref.samples * 1e3 / (double)gl.elapsed_ns,
-	       (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
-	bb_image_release(&a);
-	bb_image_release(&b);
-	return d;
+	return drawing_against(fixture.gl, fixture.reference, "gl", s, view, time, step_voxels);
 }
 
 static void need_gl(void)
@@ -122,8 +97,8 @@ static void twice_the_samples_change_little(void **ctx)
 	(void)ctx;
 	need_gl();
 	for (int i = 0; i < DRAWING_VIEWS; i++) {
-		struct bb_image once = picture(fixture.gl, fixture.stream, i, 0.4, 0.5, NULL);
-		struct bb_image twice = picture(fixture.gl, fixture.stream, i, 0.4, 0.25, NULL);
+		struct bb_image once = drawing_picture(fixture.gl, fixture.stream, i, 0.4, 0.5, NULL);
+		struct bb_image twice = drawing_picture(fixture.gl, fixture.stream, i, 0.4, 0.25, NULL);
 		struct bb_image_difference d;
 		assert_int_equal(bb_image_compare(&once, &twice, &d), BB_OK);
 		assert_true(d.n_pixels > 1000 && d.most <= 2);
@@ -179,8 +154,8 @@ static void skipping_empty_bricks_changes_nothing(void **ctx)
 	assert_true(n_empty > 0);
 	for (int i = 0; i < DRAWING_VIEWS; i++) {
 		struct bb_image_difference d;
-		struct bb_image a = picture(fixture.gl, s, i, 0, 0.5, NULL),
-				b = picture(fixture.gl, f, i, 0, 0.5, NULL);
+		struct bb_image a = drawing_picture(fixture.gl, s, i, 0, 0.5, NULL),
+				b = drawing_picture(fixture.gl, f, i, 0, 0.5, NULL);
 		assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
 		assert_int_equal(d.n_differ, 0);
 		bb_image_release(&a);
@@ -206,16 +181,16 @@ static void only_what_changed_is_sent(void **ctx)
 	(void)ctx;
 	need_gl();
 	assert_int_equal(bb_stream_create(&config, &s), BB_OK);
-	struct bb_image image = picture(fixture.gl, s, 0, 0, 1, &stats);
+	struct bb_image image = drawing_picture(fixture.gl, s, 0, 0, 1, &stats);
 	assert_true(stats.upload_bytes > map_bytes);
 	bb_image_release(&image);
-	image = picture(fixture.gl, s, 0, 0, 1, &stats);
+	image = drawing_picture(fixture.gl, s, 0, 0, 1, &stats);
 	assert_int_equal(stats.upload_bytes, 0);
 	bb_image_release(&image);
 	for (int frame = 0; frame < 5; frame++) {
 		const struct bb_stream_counts n = bb_stream_frame(s, &view, 1, WIDTH, HEIGHT, 0, 0, 1);
 		assert_int_equal(n.loaded, 3);
-		image = picture(fixture.gl, s, 0, 0, 1, &stats);
+		image = drawing_picture(fixture.gl, s, 0, 0, 1, &stats);
 		assert_int_equal(stats.upload_bytes, n.bytes + map_bytes);
 		bb_image_release(&image);
 	}
@@ -282,15 +257,15 @@ static void two_renderers_take_turns(void **ctx)
 	(void)ctx;
 	need_gl();
 	struct bb_stream *s = drawing_stream(v, &fixture.transfer);
-	struct bb_image before = picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
+	struct bb_image before = drawing_picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
 	assert_int_equal(bb_renderer_gl_create("auto", &other, NULL), BB_OK);
-	struct bb_image image = picture(other, s, 1, 0, 1, NULL);
-	struct bb_image after = picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
+	struct bb_image image = drawing_picture(other, s, 1, 0, 1, NULL);
+	struct bb_image after = drawing_picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
 	assert_memory_equal(before.rgba, after.rgba, PICTURE_BYTES);
 	assert_memory_not_equal(image.rgba, after.rgba, PICTURE_BYTES);
 	bb_renderer_destroy(other);
 	bb_image_release(&after);
-	after = picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
+	after = drawing_picture(fixture.gl, fixture.stream, 0, 0, 1, NULL);
 	assert_memory_equal(before.rgba, after.rgba, PICTURE_BYTES);
 	bb_image_release(&before);
 	bb_image_release(&image);
@@ -332,7 +307,7 @@ static void too_large_a_picture_is_an_error(void **ctx)
 	assert_int_equal(bb_renderer_draw(fixture.gl, &draw, &image, NULL), BB_ERR_RANGE);
 	assert_int_equal(bb_renderer_last_error(fixture.gl)->number, 1805);
 	bb_image_release(&image);
-	image = picture(fixture.gl, fixture.stream, 0, 0, 1, NULL); /* and it goes on */
+	image = drawing_picture(fixture.gl, fixture.stream, 0, 0, 1, NULL); /* and it goes on */
 	assert_int_equal(bb_renderer_last_error(fixture.gl)->number, 0);
 	bb_image_release(&image);
 }
@@ -363,7 +338,7 @@ static void osmesa_and_egl_draw_the_same(void **ctx)
 		skip();
 	}
 	for (int i = 0; i < DRAWING_VIEWS; i++) {
-		struct bb_image image = picture(fixture.gl, fixture.stream, i, 1.35, 0.5, NULL);
+		struct bb_image image = drawing_picture(fixture.gl, fixture.stream, i, 1.35, 0.5, NULL);
 		for (size_t k = 0; k < PICTURE_BYTES; k += 4)
 			n_differ += memcmp(image.rgba + k, fixture.by_egl + (size_t)i * PICTURE_BYTES + k, 4) != 0;
 		bb_image_release(&image);
@@ -382,7 +357,7 @@ static int draw_by_egl(uint8_t *out)
 		return 77;
 	}
 	for (int i = 0; i < DRAWING_VIEWS; i++) {
-		struct bb_image image = picture(r, fixture.stream, i, 1.35, 0.5, NULL);
+		struct bb_image image = drawing_picture(r, fixture.stream, i, 1.35, 0.5, NULL);
 		memcpy(out + (size_t)i * PICTURE_BYTES, image.rgba, PICTURE_BYTES);
 	}
 	return 0;

@@ -121,18 +121,6 @@ static void list_attached(const struct listing *l, bool all, json_t *out)
 		printf("(%zu more with --all)\n", l->n_attached - shown);
 }
 
-static int print_json(json_t *all)
-{
-	char *text = json_dumps(all, JSON_INDENT(2));
-
-	json_decref(all);
-	if (!text)
-		return BB_EXIT_INTERNAL;
-	puts(text);
-	free(text);
-	return BB_EXIT_OK;
-}
-
 static int show(const struct bb_cli *cli, const struct bb_room *room, struct listing *l)
 {
 	const bool all = bb_cli_has(cli, "all");
@@ -148,7 +136,7 @@ static int show(const struct bb_cli *cli, const struct bb_room *room, struct lis
 		if (room)
 			bb_rig_each(&closed, visit, l);
 		json_object_set_new(root, "devices", l->rows);
-		return print_json(root);
+		return bb_cli_print_json(root);
 	}
 	if (!room) {
 		printf("back ends of this build:\n");

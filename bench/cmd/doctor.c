@@ -120,12 +120,8 @@ static int command(const struct bb_cli *cli)
 			printf("%-7s %-8s %s%s%s\n", ok ? "ok" : c->needed ? "MISSING" : "absent", c->name, note,
 			       ok ? "" : "; next: ", ok ? "" : c->remedy);
 	}
-	if (rows) {
-		char *text = json_dumps(rows, JSON_INDENT(2));
-		puts(text ? text : "[]");
-		free(text);
-		json_decref(rows);
-	}
+	if (rows && bb_cli_print_json(rows) != BB_EXIT_OK)
+		return BB_EXIT_INTERNAL;
 	return code;
 }
 

@@ -111,13 +111,7 @@ static int print_json(const struct bb_serve *s)
 		                                      s->row[i].device, "where", s->row[i].where, "attach",
 		                                      s->row[i].attach));
 	json_object_set_new(all, "endpoints", rows);
-	char *text = json_dumps(all, JSON_INDENT(2));
-	json_decref(all);
-	if (!text)
-		return BB_EXIT_INTERNAL;
-	puts(text);
-	free(text);
-	return BB_EXIT_OK;
+	return bb_cli_print_json(all);
 }
 
 static int print(const struct bb_serve *s)

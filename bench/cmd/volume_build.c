@@ -179,13 +179,7 @@ static int tell(const struct bb_cli *cli, const char *path, const struct bb_buil
 				      (json_int_t)r->bytes_read, "bytes_written", (json_int_t)r->bytes_written,
 				      "peak_bytes", (json_int_t)r->peak_bytes, "nonfinite_voxels",
 				      (json_int_t)r->n_nonfinite, "seconds", took_s, "resumed", r->resumed);
-		char *text = json_dumps(j, JSON_INDENT(2));
-		json_decref(j);
-		if (!text)
-			return BB_EXIT_INTERNAL;
-		puts(text);
-		free(text);
-		return BB_EXIT_OK;
+		return bb_cli_print_json(j);
 	}
 	printf("%s: %llu bricks, %.1f MiB in %.2f s; read %.1f MiB, wrote %.1f MiB, memory %.1f MiB%s\n", path,
 	       (unsigned long long)r->n_bricks, (double)r->result_bytes / 1048576, took_s,

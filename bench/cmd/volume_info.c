@@ -20,18 +20,6 @@ static const struct bb_cli_option info_options[] = {
 	{ NULL, NULL, NULL },
 };
 
-static int print_json(json_t *root)
-{
-	char *text = json_dumps(root, JSON_INDENT(2));
-
-	json_decref(root);
-	if (!text)
-		return BB_EXIT_INTERNAL;
-	puts(text);
-	free(text);
-	return BB_EXIT_OK;
-}
-
 /* ---- info ---- */
 
 struct level { /* of a level's bricks in all time nodes, and in single steps alone */
@@ -168,7 +156,7 @@ static int info_json(const struct bb_bricks *b, const struct rating *rated)
 					      rated->rate_ms, "order_ms", rated->order_ms, "read_once_ms",
 					      rated->bound_ms, "hidden_leaves", (json_int_t)rated->hidden,
 					      "flat_leaves", (json_int_t)rated->flat));
-	return print_json(root);
+	return bb_cli_print_json(root);
 }
 
 static int info(const struct bb_cli *cli)
@@ -256,7 +244,7 @@ static int verify(const struct bb_cli *cli)
 		fprintf(stderr, "\r%20s\r", "");
 	bb_bricks_close(b);
 	if (bb_cli_has(cli, "json")) {
-		print_json(json_pack("{s:I, s:I, s:o}", "bricks", (json_int_t)n, "damaged", (json_int_t)damaged, "list",
+		bb_cli_print_json(json_pack("{s:I, s:I, s:o}", "bricks", (json_int_t)n, "damaged", (json_int_t)damaged, "list",
 				     list));
 	} else {
 		json_decref(list);
