@@ -97,7 +97,7 @@ static inline void rig_begin(struct brick_rig *r, uint32_t nx, uint32_t ny, uint
 
 static inline struct bb_bricks *rig_build(struct brick_rig *r)
 {
-	struct bb_bricks *b;
+	struct bb_bricks *b = NULL;
 	struct bb_error err = { 0 };
 
 	if (bb_bricks_build(&r->config, &r->report, &err) != BB_OK || bb_bricks_open(r->result, &b, &err) != BB_OK)

@@ -599,7 +599,7 @@ static double apart_px(const struct rung *a, const struct rung *b)
 
 	for (size_t i = 0; i < SCRIPT_FRAMES; i++)
 		for (size_t k = 0; k < a->sight[i].n && a->sight[i].n < SCRIPT_BLOBS; k++) {
-			double best = INFINITY;
+			double best = (double)INFINITY;
 			for (size_t m = 0; m < b->sight[i].n; m++)
 				best = fmin(best, hypot((double)(a->sight[i].blob[k].x_px - b->sight[i].blob[m].x_px),
 				                        (double)(a->sight[i].blob[k].y_px - b->sight[i].blob[m].y_px)));

@@ -147,7 +147,7 @@ static void check_moments(const struct brick_rig *r, const struct bb_bricks *b, 
 	const struct bb_bricks_moments *m = &bb_bricks_moments(b)[id];
 	const uint32_t reach = t->edge << (t->n_levels - 1 - p.level);
 	long double sum = 0, square = 0, dev = 0;
-	double least = INFINITY, most = -INFINITY, n = 0, positions = 0;
+	double least = (double)INFINITY, most = -(double)INFINITY, n = 0, positions = 0;
 
 	for (int pass = 0; pass < 2; pass++)
 		for (uint32_t z = p.at[2] * reach; z < (p.at[2] + 1) * reach && z < r->dim[2]; z++)
@@ -165,7 +165,7 @@ static void check_moments(const struct brick_rig *r, const struct bb_bricks *b, 
 							most = fmax(most, v);
 						} else {
 							square +=
-								((long double)v - sum / n) * ((long double)v - sum / n);
+								((long double)v - sum / (long double)n) * ((long double)v - sum / (long double)n);
 						}
 					}
 					if (!pass)
@@ -176,8 +176,8 @@ static void check_moments(const struct brick_rig *r, const struct bb_bricks *b, 
 					dev += sqrtl(var / (s.to - s.from));
 					positions++;
 				}
-	assert_true(fabs((double)m->mean - (double)(sum / n)) <= 1e-6);
-	assert_true(fabs((double)m->deviation - (double)sqrtl(square / n)) <= 1e-6);
+	assert_true(fabs((double)m->mean - (double)(sum / (long double)n)) <= 1e-6);
+	assert_true(fabs((double)m->deviation - (double)sqrtl(square / (long double)n)) <= 1e-6);
 	assert_true(fabs((double)m->time_dev - (double)dev / positions) <= 2e-6);
 	assert_true((double)m->least == least && (double)m->most == most);
 }

@@ -80,7 +80,7 @@ static void what_cannot_be_seen_is_not_wrong(void **state)
 	assert_true(bb_metric_reference_space(&c, dark, 4) == 0);
 	assert_true(bb_metric_reference_space(&c, flat, 4) < 1e-6);
 	assert_true(bb_metric_reference_time(&c, flat, 1, 4) < 1e-6);
-	assert_true(bb_metric_look_up(&t, NAN, NAN, 0, 1) == 0);
+	assert_true(bb_metric_look_up(&t, (double)NAN, (double)NAN, 0, 1) == 0);
 }
 
 /* Two values, half each: equations 7 to 10 by hand. */

@@ -125,6 +125,7 @@ static enum bb_status rate(const struct bb_bricks *b, const char *path, struct r
 		out->order_ms = ms_since(clk, &from_ns);
 		for (uint32_t i = 0; i < n; i++)
 			sum += bb_bricks_moments(b)[i].mean;
+		(void)sum;
 		out->bound_ms = ms_since(clk, &from_ns);
 		count_leaves(b, &colours, space, out);
 	}

@@ -145,7 +145,7 @@ static void move(struct bb_pose *nav, const struct bb_pad_report *r, bool space,
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const double dt_s = l->pad_read_ns ? fmin(0.05, (double)(now_ns - l->pad_read_ns) * 1e-9) : 0;
-	double emptiest = INFINITY;
+	double emptiest = (double)INFINITY;
 	int64_t stuck_ns = 0;
 	bool any = false;
 
