@@ -1,11 +1,14 @@
 /*
- * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import; then pieces, a
- * byte of length each; length 0 lets the devices work and everything go out. Replies must be whole, the connection
- * bounded.
+ * tests/fuzz/fuzz_usbip.c: what a USB/IP client sends. First byte: bit 0 begins after the import, of the device of bit
+ * 1, or with bit 2 of a monitor behind its adapter, whose first messages go wrong with bits 3 and 4; then pieces, a
+ * byte of length each; length 0 lets a fifth of a millisecond pass, the devices work and everything go out. Replies
+ * must be whole, the connection bounded.
  */
-#include "sim/peer_i2c_tiny_usb.h"
+#include "sim/usb_monitor.h"
 #include "sim/usbip_conn.h"
 #include "tests/fuzz/fuzz.h"
+
+#define STEP_NS 200000
 
 static bool plugged;
 
@@ -77,7 +80,8 @@ static void drain(struct usbip_conn *c, bool attached_from_start)
 	usbip_conn_sent(c, n);
 }
 
-static void talk(struct usbip_conn *c, struct fuzz_input *in, bool attached)
+static void talk(struct usbip_conn *c, struct fuzz_input *in, bool attached, struct bb_clock *clk,
+		 struct usb_monitor *m)
 {
 	bool alive = true;
 
@@ -85,12 +89,16 @@ static void talk(struct usbip_conn *c, struct fuzz_input *in, bool attached)
 		const size_t want = fuzz_byte(in);
 		size_t n;
 		const uint8_t *piece = fuzz_piece(in, want, &n);
-		if (!n)
+		if (!n) {
+			if (clk) {
+				bb_clock_run_until(clk, bb_clock_now_ns(clk) + STEP_NS);
+				(void)usb_monitor_step(m, bb_clock_now_ns(clk));
+			}
 			alive = usbip_conn_step(c);
-		else if (usbip_conn_room(c) >= n)
-			alive = usbip_conn_feed(c, piece, n);
-		if (!n)
 			drain(c, attached);
+		} else if (usbip_conn_room(c) >= n) {
+			alive = usbip_conn_feed(c, piece, n);
+		}
 	}
 }
 
@@ -106,7 +114,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 				       .config = config,
 				       .n_config = sizeof(config),
 				       .string = { NULL, "a", "b", "c" } };
+	const struct bb_monitor_config config_of_monitor = {
+		.id = "m", .edid = "S27A850D", .width_px = 1920, .height_px = 1080
+	};
+	struct usb_monitor monitor;
 	struct usbip_conn *conn;
+	struct bb_clock *clk = NULL;
 
 	if (!i2c && peer_i2c_tiny_usb_create("S", &i2c) == BB_OK)
 		peer_i2c_tiny_usb_add(i2c, &(struct sim_i2c_target){ target_write, target_read, &sum });
@@ -119,12 +132,23 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	exports.item[3] = (struct usbip_export){ "1-4", 1, 5, &bulk, true };
 	const uint8_t how = fuzz_byte(&in);
 	const bool attached = how & 1;
-	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, how >> 1 & 1, &conn)
+	if (how & 4) {
+		fuzz_must(bb_clock_virtual_create(&clk) == BB_OK);
+		fuzz_must(usb_monitor_init(&monitor, &config_of_monitor, NULL, 1, clk) == BB_OK);
+		peer_i2c_tiny_usb_world_nak(monitor.adapter, how >> 3 & 1);
+		peer_i2c_tiny_usb_world_stall(monitor.adapter, how >> 4 & 1);
+		exports.item[exports.n++] = (struct usbip_export){ "1-5", 1, 6, usb_monitor_device(&monitor), false };
+	}
+	const enum bb_status status = attached ? usbip_conn_create_attached(&exports, how & 4 ? 4 : how >> 1 & 1, &conn)
 					       : usbip_conn_create(&exports, &conn);
-	if (status != BB_OK)
-		return 0;
-	talk(conn, &in, attached);
-	usbip_conn_destroy(conn);
-	fuzz_must(!exports.item[0].taken && !exports.item[1].taken);
+	if (status == BB_OK) {
+		talk(conn, &in, attached, clk, &monitor);
+		usbip_conn_destroy(conn);
+		fuzz_must(!exports.item[0].taken && !exports.item[1].taken);
+		fuzz_must(!clk || !exports.item[4].taken);
+	}
+	if (clk)
+		usb_monitor_fini(&monitor);
+	bb_clock_destroy(clk);
 	return 0;
 }
