@@ -254,12 +254,12 @@ static bool asked_edid_decode(const char *path, char maker[4], unsigned int *pro
 static void test_real(void **state)
 {
 	(void)state;
-	static const char folder[] = "../shared/data/edid";
+	static const char folder[] = "build/data/edid";
 	DIR *d = opendir(folder);
 	int n = 0, judged = 0, damaged = 0;
 
 	if (!d) {
-		print_message("SKIP test_real: no %s\n", folder);
+		print_message("SKIP: no %s: put EDIDs of real monitors there (*.bin)\n", folder);
 		skip();
 	}
 	for (const struct dirent *f; (f = readdir(d));) {

@@ -270,7 +270,7 @@ static void reads_the_echo_planar_scan(void **state)
 static void reads_the_perfusion_scan(void **state)
 {
 	(void)state;
-	struct bb_volume *v = load_real("../shared/data/pcasl.nii.gz");
+	struct bb_volume *v = load_real("build/data/pcasl.nii.gz");
 
 	assert_true(v->dim[0] == 52 && v->dim[1] == 68 && v->dim[2] == 20 && v->n_steps == 10);
 	assert_true(v->least == 0 && v->most == 2640);
