@@ -54,7 +54,7 @@ static void read_line(const char *root, const char *path, char *out, size_t cap)
 	out[n > 0 ? n : 0] = '\0';
 	out[strcspn(out, "\n")] = '\0';
 	for (char *c = out; *c; c++)
-		if ((unsigned char)*c < ' ' || *c == 0x7f)
+		if (*c < ' ' || *c > '~')
 			*c = '?';
 }
 
@@ -207,7 +207,7 @@ static void on_hid(struct listing *l, const char *name)
 	}
 	full[n] = '\0';
 	for (size_t i = 0; i < n; i++)
-		full[i] = (unsigned char)full[i] < ' ' || full[i] == 0x7f ? '?' : full[i]; /* ends of lines, too */
+		full[i] = full[i] < ' ' || full[i] > '~' ? '?' : full[i]; /* ends of lines, too */
 	uevent_value(full, "HID_ID=", id, sizeof(id));
 	const char *vendor = strchr(id, ':'), *device = vendor ? strchr(vendor + 1, ':') : NULL;
 	if (!device)

@@ -148,9 +148,14 @@ static bool identify(int fd, struct node *out)
 
 /* ---- the bus with a serial ---- */
 
-/* One of the host's own, with its memory modules on it: nothing to look at. */
+/*
+ * One of the host's own, with memory modules, sensors or a touch pad on it: nothing to look at, as ddcutil does not either
+ * (src/util/sysfs_i2c_util.c). Nor is one that nobody can name.
+ */
 static bool is_host_bus(unsigned long number)
 {
+	static const char *const host[] = { "SMBus", "Synopsys DesignWare", "soc:i2cdsi", "smu",
+					    "mac-io", "u4", "AMDGPU SMU" };
 	char path[64], name[64] = "";
 
 	snprintf(path, sizeof(path), "/sys/bus/i2c/devices/i2c-%lu/name", number);
@@ -158,7 +163,10 @@ static bool is_host_bus(unsigned long number)
 	const bool read = f && fgets(name, sizeof(name), f);
 	if (f)
 		fclose(f);
-	return read && !strncmp(name, "SMBus", 5);
+	for (size_t i = 0; i < BB_ARRAY_LEN(host) && read; i++)
+		if (!strncmp(name, host[i], strlen(host[i])))
+			return true;
+	return !read;
 }
 
 static size_t list_buses(uint16_t bus[MOST_BUSES])

@@ -32,7 +32,6 @@ struct peer_ddcci {
 
 	const struct sim_edid_model *model;
 	struct vcp_state vcp;
-	uint16_t before_input, before_luminance;
 	char capabilities[BB_MONITOR_TEXT_MAX];
 	size_t capabilities_bytes;
 
@@ -507,36 +506,12 @@ TOGGLE(verb_ignore_write, PEER_IGNORE_WRITE)
 
 static enum bb_status verb_input(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
-	struct peer_ddcci *p = device;
-	long value;
-	enum bb_status status = sim_args_only(args, "value", err);
-
-	if (status == BB_OK)
-		status = sim_args_whole(args, "value", 0, 1, 255, &value, err);
-	if (status != BB_OK || !p)
-		return status;
-	if (!value) /* the next input, whatever it is */
-		value = p->vcp.input == VCP_INPUT_HDMI1 ? VCP_INPUT_DP1 : VCP_INPUT_HDMI1;
-	if (on)
-		p->before_input = p->vcp.input;
-	vcp_by_hand(&p->vcp, BB_VCP_INPUT, on ? (uint16_t)value : p->before_input);
-	return BB_OK;
+	return vcp_fault_input(device ? &((struct peer_ddcci *)device)->vcp : NULL, args, on, err);
 }
 
 static enum bb_status verb_drift(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
-	struct peer_ddcci *p = device;
-	long value;
-	enum bb_status status = sim_args_only(args, "luminance", err);
-
-	if (status == BB_OK)
-		status = sim_args_whole(args, "luminance", 20, 0, 100, &value, err);
-	if (status != BB_OK || !p)
-		return status;
-	if (on)
-		p->before_luminance = p->vcp.luminance;
-	vcp_by_hand(&p->vcp, BB_VCP_LUMINANCE, on ? (uint16_t)value : p->before_luminance);
-	return BB_OK;
+	return vcp_fault_drift(device ? &((struct peer_ddcci *)device)->vcp : NULL, args, on, err);
 }
 
 static enum bb_status quirk(void *device, const struct sim_fault_args *args, size_t offset, bool on,

@@ -57,7 +57,6 @@ struct sim_monitor {
 	int64_t ready_ns;          /* Null until then */
 
 	bool fault_standby, fault_silent, fault_busy, fault_unplug, fault_corrupt, fault_ignore_write;
-	uint16_t before_input, before_luminance; /* what ending the faults "input" and "drift" goes back to */
 };
 
 static struct sim_monitor *of(struct bb_monitor *m)
@@ -512,36 +511,12 @@ static enum bb_status verb_ignore_write(void *device, const struct sim_fault_arg
 
 static enum bb_status verb_input(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
-	struct sim_monitor *sm = device;
-	long value;
-	enum bb_status status = sim_args_only(args, "value", err);
-
-	if (status == BB_OK)
-		status = sim_args_whole(args, "value", 0, 1, 255, &value, err);
-	if (status != BB_OK || !sm)
-		return status;
-	if (!value) /* the next input, whatever it is */
-		value = sm->vcp.input == VCP_INPUT_HDMI1 ? VCP_INPUT_DP1 : VCP_INPUT_HDMI1;
-	if (on)
-		sm->before_input = sm->vcp.input;
-	vcp_by_hand(&sm->vcp, BB_VCP_INPUT, on ? (uint16_t)value : sm->before_input);
-	return BB_OK;
+	return vcp_fault_input(device ? &((struct sim_monitor *)device)->vcp : NULL, args, on, err);
 }
 
 static enum bb_status verb_drift(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
-	struct sim_monitor *sm = device;
-	long value;
-	enum bb_status status = sim_args_only(args, "luminance", err);
-
-	if (status == BB_OK)
-		status = sim_args_whole(args, "luminance", 20, 0, 100, &value, err);
-	if (status != BB_OK || !sm)
-		return status;
-	if (on)
-		sm->before_luminance = sm->vcp.luminance;
-	vcp_by_hand(&sm->vcp, BB_VCP_LUMINANCE, on ? (uint16_t)value : sm->before_luminance);
-	return BB_OK;
+	return vcp_fault_drift(device ? &((struct sim_monitor *)device)->vcp : NULL, args, on, err);
 }
 
 const struct sim_verb sim_monitor_verbs[] = {

@@ -1,6 +1,8 @@
 /* sim/vcp_model.c: one row per code; see sim/vcp_model.h. */
 #include "sim/vcp_model.h"
 
+#include "sim/verb_args.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -185,4 +187,36 @@ double vcp_light(const struct vcp_state *v)
 	const double gain = (0.2126 * v->red + 0.7152 * v->green + 0.0722 * v->blue) / 100;
 
 	return (0.15 + 0.85 * v->luminance / 100.0) * gain;
+}
+
+enum bb_status vcp_fault_input(struct vcp_state *v, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	long value;
+	enum bb_status status = sim_args_only(args, "value", err);
+
+	if (status == BB_OK)
+		status = sim_args_whole(args, "value", 0, 1, 255, &value, err);
+	if (status != BB_OK || !v)
+		return status;
+	if (!value) /* the next input, whatever it is */
+		value = v->input == VCP_INPUT_HDMI1 ? VCP_INPUT_DP1 : VCP_INPUT_HDMI1;
+	if (on)
+		v->before_input = v->input;
+	vcp_by_hand(v, BB_VCP_INPUT, on ? (uint16_t)value : v->before_input);
+	return BB_OK;
+}
+
+enum bb_status vcp_fault_drift(struct vcp_state *v, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	long value;
+	enum bb_status status = sim_args_only(args, "luminance", err);
+
+	if (status == BB_OK)
+		status = sim_args_whole(args, "luminance", 20, 0, 100, &value, err);
+	if (status != BB_OK || !v)
+		return status;
+	if (on)
+		v->before_luminance = v->luminance;
+	vcp_by_hand(v, BB_VCP_LUMINANCE, on ? (uint16_t)value : v->before_luminance);
+	return BB_OK;
 }

@@ -4,7 +4,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,109 +13,6 @@
 #define SAMPLES_OF_A_BRICK_EDGE 4 /* cells along a brick, so that eight leaves have 512 */
 
 #define SLAB_VOXEL_BYTES (sizeof(float) + sizeof(uint16_t))
-
-static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the first failure and of the counters */
-
-/* ---- what any thread may call ---- */
-
-void bb_build_fail(struct bb_build *b, enum bb_status status, int number, const char *what)
-{
-	pthread_mutex_lock(&lock);
-	if (!b->status)
-		b->status = bb_fail(b->err, status, number, &(struct bb_where){ b->config->path, 0, 0 }, "%s", what);
-	pthread_mutex_unlock(&lock);
-}
-
-static void count(uint64_t *counter, uint64_t n)
-{
-	__atomic_fetch_add(counter, n, __ATOMIC_RELAXED);
-}
-
-bool bb_build_data(struct bb_build *b, uint32_t step, uint32_t z, uint32_t y, uint32_t n, float *out)
-{
-	const struct bb_steps *s = b->config->steps;
-	struct bb_error err = { 0 };
-	const enum bb_status status = bb_steps_rows(s, step, z, y, n, out, &err);
-
-	count(&b->report->bytes_read, s->value_bytes / s->n_steps / s->dim[2] / s->dim[1] * n);
-	if (!status)
-		return true;
-	pthread_mutex_lock(&lock);
-	if (!b->status && b->err)
-		*b->err = err;
-	b->status = b->status ? b->status : status;
-	pthread_mutex_unlock(&lock);
-	return false;
-}
-
-bool bb_build_pread(struct bb_build *b, int fd, void *buf, size_t n, uint64_t at)
-{
-	count(&b->report->bytes_read, n);
-	for (size_t done = 0; done < n;) {
-		const ssize_t got = pread(fd, (char *)buf + done, n - done, (off_t)(at + done));
-		if (got < 0 && errno == EINTR)
-			continue;
-		if (got <= 0) {
-			bb_build_fail(b, BB_ERR_IO, 1002, got ? strerror(errno) : "a scratch file has become shorter");
-			return false;
-		}
-		done += (size_t)got;
-	}
-	return true;
-}
-
-bool bb_build_pwrite(struct bb_build *b, int fd, const void *buf, size_t n, uint64_t at)
-{
-	count(&b->report->bytes_written, n);
-	count(&b->since_checkpoint, n);
-	for (size_t done = 0; done < n;) {
-		const ssize_t put = pwrite(fd, (const char *)buf + done, n - done, (off_t)(at + done));
-		if (put < 0 && errno == EINTR)
-			continue;
-		if (put <= 0) {
-			bb_build_fail(b, BB_ERR_IO, 1901, strerror(errno));
-			return false;
-		}
-		done += (size_t)put;
-	}
-	return true;
-}
-
-/* ---- memory ---- */
-
-void *bb_build_alloc(struct bb_build *b, size_t n, size_t bytes, const char *what)
-{
-	uint64_t wanted;
-	char text[160];
-
-	if (b->status)
-		return NULL;
-	if (__builtin_mul_overflow((uint64_t)n, (uint64_t)bytes, &wanted))
-		wanted = UINT64_MAX / 2;
-	if (b->held_bytes + wanted > b->config->memory_bytes) {
-		snprintf(text, sizeof(text), "%s: %llu MiB are wanted, %llu of %llu are taken", what,
-			 (unsigned long long)(wanted >> 20) + 1, (unsigned long long)(b->held_bytes >> 20),
-			 (unsigned long long)(b->config->memory_bytes >> 20));
-		bb_build_fail(b, BB_ERR_CONFIG, 1447, text);
-		return NULL;
-	}
-	void *p = calloc(n ? n : 1, bytes);
-	if (!p) {
-		bb_build_fail(b, BB_ERR_NOMEM, 1702, what);
-		return NULL;
-	}
-	b->held_bytes += wanted;
-	if (b->held_bytes > b->report->peak_bytes)
-		b->report->peak_bytes = b->held_bytes;
-	return p;
-}
-
-void bb_build_release(struct bb_build *b, void *p, size_t n, size_t bytes)
-{
-	if (p)
-		b->held_bytes -= (uint64_t)n * bytes;
-	free(p);
-}
 
 /* ---- a level ---- */
 
@@ -136,15 +32,27 @@ static uint64_t coded_bytes(const struct bb_build *b, uint32_t tile)
 	       (bb_build_brick_cap(b) + BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST);
 }
 
+/* Of the next level, a plane of what a slab is halved into. */
+static size_t halved_floats(const struct bb_build *b, uint32_t tile)
+{
+	return ((size_t)tile * b->h.tree.edge / 2 + 1) * ((b->h.tree.voxels[b->level][0] + 1) / 2);
+}
+
+static uint64_t unit_bytes(const struct bb_build *b, uint32_t tile)
+{
+	uint32_t planes, rows;
+
+	return slab_floats(b, tile, &planes, &rows) * SLAB_VOXEL_BYTES + coded_bytes(b, tile) +
+	       b->config->threads * halved_floats(b, tile) * sizeof(float);
+}
+
 /* As many rows of bricks at a time as fit beside what is held. */
 static void choose_tile(struct bb_build *b)
 {
 	const uint64_t room = b->config->memory_bytes - b->held_bytes;
-	uint32_t planes, rows;
 
 	b->tile = b->h.tree.grid[b->level][1];
-	while (b->tile > 1 &&
-	       slab_floats(b, b->tile, &planes, &rows) * SLAB_VOXEL_BYTES + coded_bytes(b, b->tile) > room)
+	while (b->tile > 1 && unit_bytes(b, b->tile) > room)
 		b->tile = (b->tile + 1) / 2;
 }
 
@@ -165,6 +73,8 @@ static void take_slab(struct bb_build *b)
 	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows };
 	b->slab.values = bb_build_alloc(b, n, sizeof(float), "a slab of all time nodes");
 	b->slab.places = bb_build_alloc(b, n, sizeof(uint16_t), "a slab of all time nodes");
+	for (unsigned i = 0; i < b->config->threads; i++)
+		b->work[i].rows = bb_build_alloc(b, halved_floats(b, b->tile), sizeof(float), "rows of the next level");
 	for (int i = 0; i < BB_BUILD_BATCH; i++) {
 		b->output[i].bricks =
 			bb_build_alloc(b, per_unit, bb_build_brick_cap(b), "bricks on their way to the file");
@@ -182,6 +92,10 @@ static void leave_slab(struct bb_build *b)
 	bb_build_release(b, b->slab.values, n, sizeof(float));
 	bb_build_release(b, b->slab.places, n, sizeof(uint16_t));
 	b->slab = (struct bb_build_slab){ 0 };
+	for (unsigned i = 0; i < b->config->threads; i++) {
+		bb_build_release(b, b->work[i].rows, halved_floats(b, b->tile), sizeof(float));
+		b->work[i].rows = NULL;
+	}
 	for (int i = 0; i < BB_BUILD_BATCH; i++) {
 		bb_build_release(b, b->output[i].bricks, per_unit, bb_build_brick_cap(b));
 		bb_build_release(b, b->output[i].histograms, per_unit, BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST);

@@ -5,8 +5,8 @@
  * Level by level, from the data's own voxels up. A level is walked in slabs of one row of bricks, of all time nodes at
  * once; each slab's bricks are written with their statistics, and it is halved into the next level's voxels, which wait
  * in a scratch file. A coarser voxel is the mean of the (up to eight) it stands for, a time node's voxel the mean over
- * its steps. Errors against leaves are counted exactly at the finest level, above it from 512 voxels of the data for
- * each step and brick's worth of it.
+ * its steps. Errors against leaves are counted exactly at the finest level, above it from some voxels of the data,
+ * at least 512 of each step for a brick that lies in the volume as a whole.
  */
 #ifndef BB_RENDER_BRICKS_BUILD_H
 #define BB_RENDER_BRICKS_BUILD_H

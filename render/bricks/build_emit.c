@@ -152,7 +152,7 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 		return 0;
 	for (uint32_t z = k->from[2]; z < k->to[2]; z++)
 		for (uint32_t y = k->from[1]; y < k->to[1]; y++) {
-			float square[64] = { 0 }, away[64] = { 0 };
+			double square[64] = { 0 }, away[64] = { 0 };
 			const float *mean = bb_build_row(b, k->tau, z, y) + k->from[0];
 			const uint16_t *here = bb_build_places(b, k->tau, z, y) + k->from[0];
 			const uint32_t nx = k->to[0] - k->from[0];
@@ -161,16 +161,16 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 				const float *v = bb_build_row(b, tau, z, y) + k->from[0];
 				const uint16_t *there = bb_build_places(b, tau, z, y) + k->from[0];
 				for (uint32_t x = 0; x < nx; x++) {
-					const float d = v[x] - mean[x];
+					const double d = (double)v[x] - (double)mean[x];
 					square[x] += d * d;
-					away[x] += fabsf(d);
+					away[x] += fabs(d);
 				}
 				bb_bins_spans(bins, here, there, nx);
 			}
 			for (uint32_t x = 0; x < nx; x++) {
-				const double sigma = sqrt((double)square[x] / steps),
+				const double sigma = sqrt(square[x] / steps),
 					     level = fmax(fabs((double)mean[x]), floor);
-				apart += (double)away[x];
+				apart += away[x];
 				dev += sigma;
 				cov += sigma > 0 && level > 0 ? sigma / level : 0;
 			}
@@ -201,7 +201,7 @@ static double sampled_errors(const struct bb_build *b, const struct brick *k, st
 				for (uint32_t step = s->from; step < s->to; step++) {
 					const float v = *sample_slot(b, step, cell);
 					bb_bins_span(&bins[step % 2], place, bb_bin_place(&b->scale, v));
-					apart += (double)fabsf(v - shown);
+					apart += fabs((double)v - (double)shown);
 				}
 				*n += s->to - s->from;
 			}

@@ -55,6 +55,7 @@ struct bb_build {
 
 struct bb_build_work {   /* of one thread */
 	float *voxels;   /* a brick's own voxels, then all that is stored of it */
+	float *rows;     /* a plane of the next level, as far as the slab makes one */
 	uint8_t *stored; /* the same as bytes */
 	struct bb_bins bins[2];
 };
@@ -66,7 +67,7 @@ struct bb_build_output { /* of one time node in a unit */
 	size_t n_histograms;
 };
 
-/* build.c */
+/* build_means.c */
 void bb_build_fail(struct bb_build *b, enum bb_status status, int number, const char *what); /* by any thread */
 /* Counted; zeroed; over the cap is 1447. */
 void *bb_build_alloc(struct bb_build *b, size_t n, size_t bytes, const char *what);

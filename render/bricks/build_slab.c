@@ -8,7 +8,6 @@
 #include <float.h>
 #include <math.h>
 #include <pthread.h>
-#include <stdlib.h>
 
 static pthread_mutex_t range_lock = PTHREAD_MUTEX_INITIALIZER;
 
@@ -102,7 +101,9 @@ static void read_step(void *ctx, size_t i, unsigned thread)
 		const uint32_t core = b->tile * b->h.tree.edge, here = rows - (uint32_t)(before / nx);
 		const size_t own = (core < here ? core : here) * nx; /* the others are counted with a neighbour */
 		(void)mend(to, before, (float)b->h.least);
-		bad += mend(to + before, own, (float)b->h.least);
+		const uint64_t here_bad = mend(to + before, own, (float)b->h.least);
+		/* Planes below were met by the unit before; after a stop they are read again. */
+		bad += !b->z || z >= b->z * b->h.tree.edge + b->h.pad ? here_bad : 0;
 		(void)mend(to + before + own, rows * nx - before - own, (float)b->h.least);
 		place_rows(b, tau, z);
 	}
@@ -125,11 +126,11 @@ static void average_plane(void *ctx, size_t i, unsigned thread)
 			continue;
 		const float *first = bb_build_row(b, s->child[0], z, b->slab.y_from);
 		const float *second = bb_build_row(b, s->child[1], z, b->slab.y_from);
-		const float share =
-			(float)(b->span[s->child[1]].to - b->span[s->child[1]].from) / (float)(s->to - s->from);
+		const double share = (double)(b->span[s->child[1]].to - b->span[s->child[1]].from) / (s->to - s->from);
 		float *to = bb_build_row(b, tau, z, b->slab.y_from);
 		for (size_t k = 0; k < n; k++)
-			to[k] = first[k] + (second[k] - first[k]) * share; /* equal ones stay as they are */
+			to[k] = (float)((double)first[k] + ((double)second[k] - (double)first[k]) *
+								   share); /* equal ones stay as they are */
 		place_rows(b, tau, z);
 	}
 }
@@ -190,11 +191,11 @@ static void halve_row(const struct bb_build *b, const struct halving *from, stru
 
 	for (uint32_t x = 0; x < nx; x += 2) {
 		const size_t n = x + 1 < nx ? 2 : 1;
-		float sum = 0;
+		double sum = 0; /* eight of the largest floats are no float */
 		for (size_t r = 0; r < from->n; r++)
 			for (size_t k = 0; k < n; k++)
-				sum += from->values[r][x + k];
-		const float mean = sum / (float)(n * from->n);
+				sum += (double)from->values[r][x + k];
+		const float mean = (float)(sum / (double)(n * from->n));
 		const uint16_t place = bb_bin_place(&b->scale, mean);
 		for (size_t r = 0; r < from->n; r++)
 			for (size_t k = 0; k < n; k++)
@@ -212,13 +213,8 @@ static void halve_time(void *ctx, size_t i, unsigned thread)
 	const uint32_t z1 = z0 + t->edge < v[2] ? z0 + t->edge : v[2];
 	const uint32_t y1 = y0 + b->tile * t->edge < v[1] ? y0 + b->tile * t->edge : v[1];
 	const uint32_t tau = (uint32_t)i;
-	float *rows = malloc(((size_t)(y1 - y0) / 2 + 1) * w[0] * sizeof(float));
-	(void)thread;
+	float *rows = b->work[thread].rows;
 
-	if (!rows) {
-		bb_build_fail(b, BB_ERR_NOMEM, 1702, "rows of the next level");
-		return;
-	}
 	for (uint32_t z = z0; z < z1; z += 2) {
 		for (uint32_t y = y0; y < y1; y += 2) {
 			struct halving from = { .n = 0 };
@@ -236,7 +232,6 @@ static void halve_time(void *ctx, size_t i, unsigned thread)
 				     (size_t)(y1 - y0 + 1) / 2 * w[0] * sizeof(float), at))
 			break;
 	}
-	free(rows);
 }
 
 void bb_build_halve(struct bb_build *b)

@@ -29,17 +29,21 @@ struct piece {
 static uint64_t fingerprint(const struct bb_build *b)
 {
 	const struct bb_build_config *c = b->config;
+	const double numbers[] = { c->has_range ? c->least : 0, c->has_range ? c->most : 0 };
 	const uint64_t parts[] = { c->steps->fingerprint,
 				   c->edge,
 				   c->pad,
 				   (uint64_t)c->type,
 				   (uint64_t)c->codec,
+				   (uint64_t)c->grid,
+				   c->has_range,
 				   c->memory_bytes,
 				   sizeof(struct bb_build_node),
 				   sizeof(struct bb_bins) };
 
 	return (uint64_t)bb_crc32c(0, parts, sizeof(parts)) << 32 |
-	       bb_crc32c(bb_crc32c(1, parts, sizeof(parts)), c->extent, 48);
+	       bb_crc32c(bb_crc32c(bb_crc32c(1, parts, sizeof(parts)), c->extent, sizeof(c->extent)), numbers,
+			 sizeof(numbers));
 }
 
 static size_t pieces(const struct bb_build *b, struct piece out[6])

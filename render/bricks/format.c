@@ -183,6 +183,9 @@ static enum bb_status read_numbers(const uint8_t *in, const struct bb_where *whe
 		return bb_fail(err, BB_ERR_FORMAT, 1444, where, "spacing, extent or value range");
 	memcpy(out->name, in + AT_NAME, sizeof(out->name));
 	out->name[sizeof(out->name) - 1] = '\0';
+	for (char *c = out->name; *c; c++) /* it goes to terminals and into JSON */
+		if (*c < ' ' || *c > '~')
+			*c = '?';
 	return BB_OK;
 }
 
