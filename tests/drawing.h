@@ -73,6 +73,29 @@ static inline struct bb_transfer drawing_smooth(void)
 	return drawing_transfer(BB_ARRAY_LEN(points), points);
 }
 
+/* An edge of 1/200 of the range: steeper than any table of a few hundred entries could show. */
+static inline struct bb_transfer drawing_sharp(void)
+{
+	static const struct bb_transfer_point sharp[] = { { 0, 0, 0, 1, 0 },       { 0.4, 1, 0, 0, 0 },
+							  { 0.405, 1, 1, 0, 0.5 }, { 0.41, 0, 1, 0, 0 },
+							  { 0.8, 0, 1, 1, 0 },     { 0.801, 1, 1, 1, 1 },
+							  { 1, 1, 1, 1, 1 } };
+
+	return drawing_transfer(BB_ARRAY_LEN(sharp), sharp);
+}
+
+/* Noise of its own from each state. */
+static inline struct bb_volume *drawing_noise(const uint32_t size[3], uint32_t n_steps, uint32_t *state)
+{
+	struct bb_volume *v = drawing_volume(size[0], size[1], size[2], n_steps);
+
+	for (size_t i = 0; i < (size_t)size[0] * size[1] * size[2] * n_steps; i++) {
+		*state = *state * 1664525U + 1013904223U;
+		v->voxels[i] = (uint16_t)(*state >> 16);
+	}
+	return v;
+}
+
 static inline struct bb_placement drawing_placement(const struct bb_volume *v)
 {
 	const double k = 1.2 / v->dim[0]; /* 1.2 m wide */

@@ -60,11 +60,7 @@ static void agrees_on_noise(void **ctx)
 	(void)ctx;
 	need_gl();
 	for (size_t k = 0; k < BB_ARRAY_LEN(sizes); k++) {
-		struct bb_volume *v = drawing_volume(sizes[k][0], sizes[k][1], sizes[k][2], 2);
-		for (size_t i = 0; i < (size_t)sizes[k][0] * sizes[k][1] * sizes[k][2] * 2; i++) {
-			state = state * 1664525U + 1013904223U;
-			v->voxels[i] = (uint16_t)(state >> 16);
-		}
+		struct bb_volume *v = drawing_noise(sizes[k], 2, &state);
 		struct bb_stream *s = drawing_stream(v, &fixture.transfer);
 		for (int i = 0; i < DRAWING_VIEWS; i++)
 			assert_true(against_reference(s, i, 0.5, 0.7).psnr_db >= 55);
@@ -74,14 +70,9 @@ static void agrees_on_noise(void **ctx)
 	}
 }
 
-/* An edge of 1/200 of the range: steeper than any table of a few hundred entries could show. */
 static void agrees_on_a_sharp_transfer_function(void **ctx)
 {
-	static const struct bb_transfer_point sharp[] = { { 0, 0, 0, 1, 0 },       { 0.4, 1, 0, 0, 0 },
-							  { 0.405, 1, 1, 0, 0.5 }, { 0.41, 0, 1, 0, 0 },
-							  { 0.8, 0, 1, 1, 0 },     { 0.801, 1, 1, 1, 1 },
-							  { 1, 1, 1, 1, 1 } };
-	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(sharp), sharp);
+	const struct bb_transfer tf = drawing_sharp();
 	struct bb_stream *s = drawing_stream(fixture.volume, &tf);
 
 	(void)ctx;

@@ -228,7 +228,12 @@ static int verify(const struct bb_cli *cli)
 	}
 	const uint64_t n = bb_bricks_header(b)->tree.n_bricks;
 	uint8_t *brick = malloc(bb_bricks_brick_bytes(bb_bricks_header(b)));
-	for (uint64_t id = 0; id < n && brick; id++) {
+	if (!brick) {
+		bb_bricks_close(b);
+		json_decref(list);
+		return bb_cli_fail(bb_fail(&err, BB_ERR_NOMEM, 1702, NULL, "a brick"), &err);
+	}
+	for (uint64_t id = 0; id < n; id++) {
 		err = (struct bb_error){ 0 };
 		status = bb_bricks_read(b, id, brick, &err);
 		if (!status)
@@ -251,9 +256,8 @@ static int verify(const struct bb_cli *cli)
 		json_decref(list);
 		printf("%llu bricks, %llu damaged\n", (unsigned long long)n, (unsigned long long)damaged);
 	}
-	const bool whole = brick && !damaged;
 	free(brick);
-	return whole ? BB_EXIT_OK : BB_EXIT_FAILED;
+	return damaged ? BB_EXIT_FAILED : BB_EXIT_OK;
 }
 
 const struct bb_command bb_cmd_volume_info = {

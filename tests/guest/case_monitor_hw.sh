@@ -2,15 +2,7 @@
 # In the guest: check-hw's contract against two displays on the kernel's i2c buses, one named by its bus, one by the serial in
 # its EDID; only the first may be written. usage: case_monitor_hw.sh BUS SERIAL
 cd /tmp || exit 1
-cat >room.yaml <<END
-room: guest
-neutral_m: [0, 1.2, 0.65]
-nodes: [{id: desk}]
-walls:
-  - id: screen
-    corners_m: {lower_left: [-0.299, 1.0, 0], lower_right: [0.299, 1.0, 0], upper_left: [-0.299, 1.336, 0]}
-    pixels: [320, 180]
-    display: {kind: lcd, refresh_hz: 60}
+{ case_desk.sh && cat <<END; } >room.yaml
 monitors:
   - {id: left, device: "i2c:$1", edid: S27A850D}
   - {id: right, device: "i2c:?serial=$2", edid: S27A850D}

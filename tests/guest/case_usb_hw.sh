@@ -4,15 +4,7 @@
 mkdir -p /var/run
 cd /tmp || exit 1
 room() { # CAMERA PAD MOUSE XBOX: a room with those devices
-	cat <<END
-room: guest
-neutral_m: [0, 1.2, 0.65]
-nodes: [{id: desk}]
-walls:
-  - id: screen
-    corners_m: {lower_left: [-0.299, 1.0, 0], lower_right: [0.299, 1.0, 0], upper_left: [-0.299, 1.336, 0]}
-    pixels: [320, 180]
-    display: {kind: lcd, refresh_hz: 60}
+	case_desk.sh && cat <<END
 cameras:
   - {id: c1, device: "$1", position_m: [0, 1.36, 0.02], look_at_m: [0, 1.2, 0.65], pixels: [640, 480], fov_deg: 56, rate_hz: 60, sync: display}
 gamepads:

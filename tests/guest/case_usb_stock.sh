@@ -15,15 +15,7 @@ cat >pad.txt <<'END'
 6.4 axis 3 -0.5 0
 6.6 axis 3 0 0
 END
-cat >room.yaml <<'END'
-room: guest
-neutral_m: [0, 1.2, 0.65]
-nodes: [{id: desk}]
-walls:
-  - id: screen
-    corners_m: {lower_left: [-0.299, 1.0, 0], lower_right: [0.299, 1.0, 0], upper_left: [-0.299, 1.336, 0]}
-    pixels: [320, 180]
-    display: {kind: lcd, refresh_hz: 60}
+{ case_desk.sh && cat <<'END'; } >room.yaml
 cameras:
   - {id: c1, position_m: [0, 1.36, 0.02], look_at_m: [0, 1.2, 0.65], pixels: [640, 480], fov_deg: 56, rate_hz: 60, sync: display}
 gamepads:
