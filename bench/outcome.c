@@ -235,9 +235,13 @@ static void gather_facts(const struct bb_outcome_sources *s, struct bb_run_resul
 			bb_result_fact(r, "cost_profile", "%s %s", r->room->nodes[i].profile, hex);
 			break;
 		}
-	if (s->volume)
-		bb_result_fact(r, "volume", "%s, %u x %u x %u voxels, %u steps", s->volume->name, s->volume->dim[0],
-		               s->volume->dim[1], s->volume->dim[2], s->volume->n_steps);
+	if (s->bricks) {
+		const struct bb_bricks_header *h = bb_bricks_header(s->bricks);
+		bb_result_fact(r, "volume", "%s, %u x %u x %u voxels, %u steps", h->name, h->tree.dim[0], h->tree.dim[1],
+		               h->tree.dim[2], h->tree.n_steps);
+		bb_result_fact(r, "bricks", "%u^3 voxels, %s, %s", h->tree.edge, bb_brick_type_text(h->type),
+		               bb_brick_codec_text(h->codec));
+	}
 	if (s->renderer)
 		bb_result_fact(r, "gl", "%s", bb_renderer_description(s->renderer));
 	bb_result_fact(r, "bring_up_s", "%.3f", (double)s->bring_up_ns * 1e-9);

@@ -18,7 +18,7 @@ struct bb_outcome_sources { /* all borrowed */
 	const struct bb_frame_loop *loop;
 	const struct bb_pictures *pictures;
 	const struct bb_renderer *renderer;
-	const struct bb_volume *volume;
+	const struct bb_bricks *bricks;
 	const struct bb_clock *clk;
 	int64_t bring_up_ns;
 };

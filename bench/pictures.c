@@ -69,7 +69,12 @@ static enum bb_status measure(struct bb_pictures *p, const struct bb_draw *draw,
 
 	if (status != BB_OK)
 		return status;
-	full.stream = p->config.full;
+	const struct bb_stream_frame frame = { .views = draw->view, .n_views = 1, .width_px = image->width,
+		                               .height_px = image->height, .step = draw->layers[0].atlas->time,
+		                               .step_voxels = draw->step_voxels, .bricks_most = UINT32_MAX };
+	(void)bb_stream_settle(p->config.full, &frame);
+	const struct bb_layer layer = bb_stream_layer(p->config.full);
+	full.layers = &layer;
 	status = bb_renderer_draw(p->config.renderer, &full, &reference, NULL);
 	if (status == BB_OK)
 		status = bb_image_compare(image, &reference, &d);
@@ -82,14 +87,16 @@ static enum bb_status measure(struct bb_pictures *p, const struct bb_draw *draw,
 }
 
 static enum bb_status paint(struct bb_pictures *p, const struct bb_view *view, const struct bb_stream *stream,
-                            double step, unsigned eye, const struct bb_vec3 *cursor, struct bb_image *image,
+                            unsigned eye, const struct bb_vec3 *cursor, struct bb_image *image,
                             const char *screen, struct bb_picture_result *r)
 {
-	const struct bb_draw draw = { view, stream, step, p->config.scene->data.step_voxels };
 	struct bb_draw_stats stats = { 0 };
 
 	if (!stream)
 		return bb_calibration_draw(view, screen, eye == 0, cursor, image);
+	const struct bb_layer layer = bb_stream_layer(stream);
+	const struct bb_draw draw = { .view = view, .layers = &layer, .n_layers = 1,
+		                      .step_voxels = p->config.scene->data.step_voxels };
 	enum bb_status status = bb_renderer_draw(p->config.renderer, &draw, image, &stats);
 	r->rays = stats.rays;
 	r->samples = stats.samples;
@@ -99,7 +106,7 @@ static enum bb_status paint(struct bb_pictures *p, const struct bb_view *view, c
 }
 
 enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned eye, unsigned n_eyes,
-                                const struct bb_view *view, const struct bb_stream *stream, double step,
+                                const struct bb_view *view, const struct bb_stream *stream,
                                 const struct bb_vec3 *cursor, struct bb_error *err)
 {
 	static const char *const eyes[] = { "left", "right", "mono" };
@@ -120,7 +127,7 @@ enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned
 	enum bb_status status = bb_image_create(r->width, r->height, &image);
 	if (status != BB_OK)
 		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", r->width, r->height);
-	status = paint(p, view, stream, step, eye, cursor, &image, s->id, r);
+	status = paint(p, view, stream, eye, cursor, &image, s->id, r);
 	if (status == BB_OK && p->config.dir) {
 		char path[BB_PATH_MAX_BYTES];
 		snprintf(path, sizeof(path), "%s/%s", p->config.dir, r->file);

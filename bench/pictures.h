@@ -6,7 +6,7 @@
 #define BB_BENCH_PICTURES_H
 
 #include "bench/result.h"
-#include "render/renderer.h"
+#include "render/stream/stream.h"
 
 struct bb_pictures;
 
@@ -15,7 +15,7 @@ struct bb_pictures_config {
 	const struct bb_scene *scene;
 	const char *dir;               /* NULL: measured, not written */
 	struct bb_renderer *renderer;  /* NULL for calibration scenes */
-	const struct bb_stream *full;  /* every brick resident; NULL: no PSNR */
+	struct bb_stream *full;        /* every brick resident; NULL: no PSNR */
 };
 BB_MUST_CHECK enum bb_status bb_pictures_create(const struct bb_pictures_config *config, struct bb_pictures **out);
 void bb_pictures_destroy(struct bb_pictures *p);
@@ -24,7 +24,7 @@ bool bb_pictures_due(struct bb_pictures *p, double scene_s);
 bool bb_pictures_wants(const struct bb_pictures *p, uint16_t wall);
 /* Draws one screen for one eye (0 left, 1 right; n_eyes 1: mono). stream NULL: calibration with the cursor. */
 BB_MUST_CHECK enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned eye, unsigned n_eyes,
-                                              const struct bb_view *view, const struct bb_stream *stream, double step,
+                                              const struct bb_view *view, const struct bb_stream *stream,
                                               const struct bb_vec3 *cursor, struct bb_error *err);
 size_t bb_pictures_count(const struct bb_pictures *p, const struct bb_picture_result **out);
 

@@ -9,6 +9,7 @@
 #include <unistd.h>
 #include <sys/stat.h>
 
+#include "bench/data.h"
 #include "bench/facility.h"
 #include "bench/loop/loop.h"
 #include "bench/outcome.h"
@@ -32,9 +33,9 @@ struct work { /* everything between the files and the result */
 	struct bb_run *run;
 	int needs[BB_CLASS_COUNT];
 	struct bb_path *head, *wand;
-	struct bb_volume *volume;
+	struct bb_bricks *bricks;
 	struct bb_transfer transfer;
-	struct bb_stream *full;
+	struct bb_stream *full; /* every brick on show is there */
 	struct bb_clock *clk;
 	struct bb_eventlog events;
 	struct bb_hash hash;
@@ -91,18 +92,14 @@ static enum bb_status load_data(struct work *w, struct bb_error *err)
 	if (s->technique != BB_TECHNIQUE_VOLUME)
 		return BB_OK;
 	tell(w, "loading the volume");
-	if (s->data.generate[0])
-		status = bb_volume_generate(s->data.generate, (uint32_t)s->data.edge_voxels, (uint32_t)s->data.steps,
-		                            &w->volume, err);
-	else
-		status = bb_volume_load(s->data.file, BB_VOLUME_CAP_BYTES, &w->volume, err);
+	status = bb_data_open(s, &w->bricks, err);
 	if (status == BB_OK)
 		status = bb_transfer_load(s->transfer_function, &w->transfer, err);
-	if (status != BB_OK)
+	if (status != BB_OK || !w->o->pictures || !w->o->measure_psnr)
 		return status;
-	const struct bb_stream_config full = { .volume = w->volume, .transfer = &w->transfer,
-		                               .placement = bb_loop_placement(s, w->volume) };
-	return bb_stream_create(&full, &w->full);
+	const struct bb_stream_config full = { .bricks = w->bricks, .transfer = &w->transfer, .no_prediction = true,
+		                               .placement = bb_loop_placement(s, w->bricks) };
+	return bb_stream_create(&full, &w->full, err);
 }
 
 /* ---- the room ---- */
@@ -164,16 +161,16 @@ static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 
 	if (!pictures && !w->o->posix_clock)
 		return BB_OK;
-	if (w->volume && !strcmp(w->o->gl, "cpu"))
+	if (w->bricks && !strcmp(w->o->gl, "cpu"))
 		status = bb_renderer_cpu_create("auto", (unsigned)(processors > 0 && processors < 64 ? processors : 1), &w->renderer,
 		                                err);
-	else if (w->volume)
+	else if (w->bricks)
 		status = bb_renderer_gl_create(w->o->gl, &w->renderer, err);
 	if (status != BB_OK || !pictures)
 		return status;
 	const struct bb_pictures_config c = { .room = w->run->room, .scene = w->run->scene, .dir = w->o->out_dir,
 		                              .renderer = w->renderer,
-		                              .full = w->o->measure_psnr ? w->full : NULL };
+		                              .full = w->full };
 	return bb_pictures_create(&c, &w->pictures);
 }
 
@@ -185,8 +182,8 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 	*l = (struct bb_frame_loop){ .options = w->o, .room = w->run->room, .scene = scene, .clk = w->clk, .events = &w->events,
 		               .rig = &w->rig, .world = w->world, .ledger = w->run->result->ledger,
 		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
-		               .renderer = w->renderer, .volume = w->volume,
-		               .transfer = w->volume ? &w->transfer : NULL, .draw_everything = w->o->posix_clock };
+		               .renderer = w->renderer, .bricks = w->bricks,
+		               .transfer = w->bricks ? &w->transfer : NULL, .draw_everything = w->o->posix_clock };
 	enum bb_status status = bb_loop_create(l, err);
 	if (status == BB_OK && w->world)
 		status = sim_faults_plant(w->world, w->o->faults, w->o->n_faults, l->frame_ns, err);
@@ -229,7 +226,7 @@ static void release(struct work *w)
 	sim_world_destroy(w->world);
 	bb_clock_destroy(w->clk);
 	bb_stream_destroy(w->full);
-	bb_volume_free(w->volume);
+	bb_bricks_close(w->bricks);
 	bb_path_free(w->head);
 	bb_path_free(w->wand);
 }
@@ -259,7 +256,7 @@ static void gather(struct work *w)
 {
 	const struct bb_outcome_sources s = { .options = w->o, .rig = &w->rig, .events = &w->events, .world = w->world,
 		                              .watch = w->watch, .facility = w->facility, .loop = &w->loop,
-		                              .pictures = w->pictures, .renderer = w->renderer, .volume = w->volume,
+		                              .pictures = w->pictures, .renderer = w->renderer, .bricks = w->bricks,
 		                              .clk = w->clk, .bring_up_ns = w->bring_up_ns };
 
 	bb_eventlog_flush(&w->events);

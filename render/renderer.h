@@ -1,27 +1,55 @@
 /*
- * render/renderer.h: draws one view of the atlas. Back ends: "gl" (GLSL on an offscreen context, OSMesa or EGL), "cpu"
- * (native code for AVX-512, AVX2 or any processor) and "reference" (double precision on the CPU, slow, full resolution: the judge).
+ * render/renderer.h: draws one view of what is there: volumes from their atlases, and meshes between and inside them. Back
+ * ends: "gl" (GLSL on an offscreen context, OSMesa or EGL), "cpu" (native code for AVX-512, AVX2 or any processor) and
+ * "reference" (double precision on the CPU, slow, full resolution: the judge).
  *
- * Front-to-back compositing, premultiplied; a sample every step_voxels voxels as measured along the volume's longest
- * edge, at (i + 0.5) steps from where the ray enters the box (or from the eye when it is inside); opacity corrected for
- * the step; linear in space and time; background black. All back ends sample at the same points.
+ * Front-to-back compositing, premultiplied; a sample every step_voxels voxels as measured along a volume's longest edge
+ * (of a spherical one: along r), at (i + 0.5) steps from where the ray enters its box, or from the eye when that is inside;
+ * opacity corrected for the step; linear in space and time; background black. Samples of several volumes and the surfaces
+ * of meshes follow each other by their distance from the eye; at equal ones volumes come in their order, then meshes. All
+ * back ends sample at the same points.
  *
- * Voxel centres lie at integers (as in bb_volume_sample) and the box reaches from -0.5 to dim - 0.5: the outer half
- * voxel repeats the outermost centre. Rays run from the eye through the pixels' centres, (column + 0.5) / width across
- * and (row + 0.5) / height down the screen's parallelogram. A channel c becomes floor(c * 255 + 0.5).
- * One thread per renderer; several renderers may live side by side.
+ * Rays run from the eye through the pixels' centres, (column + 0.5) / width across and (row + 0.5) / height down the
+ * screen's parallelogram. A channel c becomes floor(c * 255 + 0.5). One thread per renderer; several renderers may live
+ * side by side.
  */
 #ifndef BB_RENDER_RENDERER_H
 #define BB_RENDER_RENDERER_H
 
+#include "render/atlas.h"
 #include "render/image.h"
-#include "render/stream/stream.h"
+#include "render/transfer.h"
+#include "render/view.h"
+#include "render/volume/volume.h"
+
+#define BB_LAYERS_MOST 4
+#define BB_MESH_FRAGMENTS_MOST 32 /* of one pixel; the farthest ones beyond are left out */
+
+struct bb_layer { /* a volume; everything borrowed */
+	const struct bb_atlas *atlas;
+	const struct bb_transfer *transfer;
+	struct bb_placement placement;
+	const struct bb_volume *volume; /* what "reference" reads instead of the atlas; others need none */
+};
+
+struct bb_mesh { /* triangles, seen from both sides, not lit; borrowed */
+	const float (*vertex_m)[3]; /* room */
+	const float (*rgba)[4];     /* of a vertex: colour, not premultiplied, and opacity; 0..1 */
+	const uint32_t (*triangle)[3];
+	uint32_t n_vertices, n_triangles;
+	uint64_t generation; /* another one: the mesh has changed */
+};
 
 struct bb_draw {
 	const struct bb_view *view;
-	const struct bb_stream *stream; /* volume, transfer function, placement, atlas */
-	double step;                    /* time in steps */
+	const struct bb_layer *layers;
+	size_t n_layers; /* 1 .. BB_LAYERS_MOST */
+	const struct bb_mesh *meshes;
+	size_t n_meshes;
 	double step_voxels;
+	/* A brick `up` levels above the leaves is sampled every 2^up-th step (i with i % 2^up == 2^up / 2), opacity
+	 * corrected for the longer one; "reference" does not. */
+	bool steps_by_level;
 };
 
 struct bb_draw_stats {
@@ -37,19 +65,19 @@ BB_MUST_CHECK enum bb_status bb_renderer_gl_create(const char *kind, struct bb_r
 /* kernel: "avx512", "avx2", "portable"; "auto" is the widest this processor has. 1801: it does not have that one. */
 BB_MUST_CHECK enum bb_status bb_renderer_cpu_create(const char *kernel, unsigned threads, struct bb_renderer **out,
                                                     struct bb_error *err);
-/* threads >= 1; reads the volume itself, never the atlas. */
+/* threads >= 1; reads the volume of a layer, never its atlas (but for the time). */
 BB_MUST_CHECK enum bb_status bb_renderer_reference_create(unsigned threads, struct bb_renderer **out);
 void bb_renderer_destroy(struct bb_renderer *r);
 /* "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, OSMesa" */
 const char *bb_renderer_description(const struct bb_renderer *r);
-/* The image's size is the picture's size. stats may be NULL. BB_ERR_RANGE: a step outside the volume's, a step_voxels
- * outside 1/64..64, or a placement without size. */
+/* The image's size is the picture's size. stats may be NULL. BB_ERR_RANGE: a number of
+ * layers, a step_voxels outside 1/64..64, or a placement without size. BB_ERR_UNSUPPORTED: "reference" without a volume. */
 BB_MUST_CHECK enum bb_status bb_renderer_draw(struct bb_renderer *r, const struct bb_draw *draw, struct bb_image *image,
                                               struct bb_draw_stats *stats);
 /* Why the last draw failed; number 0 when it did not. */
 const struct bb_error *bb_renderer_last_error(const struct bb_renderer *r);
-/* A renderer keeps a copy of the atlas it drew last and brings it up to date by the generations of its slots. Call this
- * before that stream is destroyed: another one could come to lie at the same address. */
+/* A renderer keeps copies of the atlases and meshes it drew last and brings them up to date by their generations. Call
+ * this before one of them is destroyed: another one could come to lie at the same address. */
 void bb_renderer_forget(struct bb_renderer *r);
 
 /* Calibration pattern of a screen for one eye (no volume, no GL): grid lines of 10 cm in the wall's plane, the screen's

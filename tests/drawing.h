@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "render/renderer.h"
+#include "tests/cover.h"
 
 #define DRAWING_VIEWS 3
 
@@ -115,25 +116,40 @@ static inline struct bb_view drawing_view(int i)
 	return bb_view_make(&wall, eyes[i], eyes[0], 0.05, 50);
 }
 
-static inline struct bb_stream *drawing_stream(const struct bb_volume *v, const struct bb_transfer *tf)
-{
-	const struct bb_stream_config config = { .volume = v, .transfer = tf, .placement = drawing_placement(v) };
-	struct bb_stream *s = NULL;
+/* A volume as a renderer wants it: bricks of it, a cover of one time, the volume itself for the reference. */
+struct drawing {
+	struct bb_bricks *bricks;
+	struct cover *cover;
+	struct bb_layer layer;
+};
 
-	if (bb_stream_create(&config, &s) != BB_OK)
-		abort();
-	return s;
+static inline struct drawing drawing_of(const struct bb_volume *v, const struct bb_transfer *tf, uint32_t edge,
+					enum bb_brick_type type, double time, cover_up *up, void *ctx)
+{
+	struct drawing d = { .bricks = cover_bricks(v, edge, 1, type) };
+
+	d.cover = cover_make(d.bricks, time, up, ctx);
+	d.layer = (struct bb_layer){ &d.cover->atlas, tf, drawing_placement(v), v };
+	return d;
+}
+
+static inline void drawing_done(struct drawing *d)
+{
+	cover_free(d->cover);
+	bb_bricks_close(d->bricks);
 }
 
 /* A picture of one of the views, of DRAWING_WIDTH x DRAWING_HEIGHT pixels. */
 #define DRAWING_WIDTH 160
 #define DRAWING_HEIGHT 120
 
-static inline struct bb_image drawing_picture(struct bb_renderer *r, const struct bb_stream *s, int view_index, double time,
-                                              double step_voxels, struct bb_draw_stats *stats)
+static inline struct bb_image drawing_picture(struct bb_renderer *r, const struct bb_layer *layers, size_t n_layers,
+					      int view_index, double step_voxels, struct bb_draw_stats *stats)
 {
 	const struct bb_view view = drawing_view(view_index);
-	const struct bb_draw draw = { &view, s, time, step_voxels };
+	const struct bb_draw draw = {
+		.view = &view, .layers = layers, .n_layers = n_layers, .step_voxels = step_voxels
+	};
 	struct bb_image image;
 
 	assert_int_equal(bb_image_create(DRAWING_WIDTH, DRAWING_HEIGHT, &image), BB_OK);
@@ -142,19 +158,19 @@ static inline struct bb_image drawing_picture(struct bb_renderer *r, const struc
 }
 
 /* Draws with a back end and with the reference; says and returns how they differ. */
-static inline struct bb_image_difference drawing_against(struct bb_renderer *r, struct bb_renderer *reference, const char *name,
-                                                         const struct bb_stream *s, int view, double time,
-                                                         double step_voxels)
+static inline struct bb_image_difference drawing_against(struct bb_renderer *r, struct bb_renderer *reference,
+							 const char *name, const struct bb_layer *layers, size_t n_layers,
+							 int view, double step_voxels)
 {
 	struct bb_image_difference d;
 	struct bb_draw_stats own, ref;
-	struct bb_image a = drawing_picture(r, s, view, time, step_voxels, &own);
-	struct bb_image b = drawing_picture(reference, s, view, time, step_voxels, &ref);
+	struct bb_image a = drawing_picture(r, layers, n_layers, view, step_voxels, &own);
+	struct bb_image b = drawing_picture(reference, layers, n_layers, view, step_voxels, &ref);
 
 	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
 	printf("%s, view %d at step %.2f: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.0f Ms/s\n", name, view,
-	       time, d.psnr_db, (unsigned long)d.n_pixels, d.most, (double)ref.samples * 1e3 / (double)own.elapsed_ns,
-	       (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
+	       layers->atlas->time, d.psnr_db, (unsigned long)d.n_pixels, d.most,
+	       (double)ref.samples * 1e3 / (double)own.elapsed_ns, (double)ref.samples * 1e3 / (double)ref.elapsed_ns);
 	assert_true(!own.rays || own.rays == ref.rays); /* those that count */
 	bb_image_release(&a);
 	bb_image_release(&b);

@@ -92,9 +92,10 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	const double t_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
 	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
 	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
-	const uint32_t n_steps = l->volume ? l->volume->n_steps : 1;
+	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
 	l->steps = steps_at(l->scene, n_steps, t_s);
-	l->next_steps = steps_at(l->scene, n_steps, t_s + 0.25);
+	for (int i = 0; i < BB_AHEAD; i++)
+		l->ahead[i] = steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
 	f->photon_ns = planned_photon_ns(l, now_ns);
 	predict_head(l, f);
 	const int64_t cost_ns = l->tracker && !l->draw_everything ? (int64_t)head->profile.track_ns : 0;
@@ -112,13 +113,13 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, send);
 	struct bb_frame *f = bb_loop_frame(l, l->n_frames - 1);
 	const unsigned head = bb_loop_head(l);
-	const struct bb_message m = { .kind = BB_MESSAGE_STATE,
+	struct bb_message m = { .kind = BB_MESSAGE_STATE,
 		                      .frame = f->frame,
 		                      .photon_ns = f->photon_ns,
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
-		                      .steps = l->steps,
-		                      .next_steps = l->next_steps };
+		                      .steps = l->steps };
+	memcpy(m.ahead, l->ahead, sizeof(m.ahead));
 	(void)scheduled_ns;
 
 	f->tracked_ns = now_ns;

@@ -67,28 +67,30 @@ static void find_pace(struct bb_frame_loop *l)
 	l->refresh_ns = d ? bb_rate_period_ns(d->rate) : l->frame_ns;
 }
 
-static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_machine *n)
+static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_machine *n, struct bb_error *err)
 {
 	const struct bb_run_options *o = l->options;
 	const double mib = o->memory_mib >= 0 ? o->memory_mib : l->scene->memory_mib;
 	const int64_t bricks = (o->stream_bricks >= 0 ? o->stream_bricks : l->scene->stream_bricks_per_frame);
-	struct bb_stream_config c = { .volume = l->volume, .transfer = l->transfer,
-		                      .placement = bb_loop_placement(l->scene, l->volume),
+	struct bb_stream_config c = { .bricks = l->bricks, .transfer = l->transfer, .gain = BB_GAIN_LEAF,
+		                      .placement = bb_loop_placement(l->scene, l->bricks),
 		                      .memory_bytes = (uint64_t)(mib * 1048576),
 		                      .bricks_per_frame = (uint32_t)(bricks ? bricks + o->plant_bricks : 0) };
 
-	return l->volume ? bb_stream_create(&c, &n->stream) : BB_OK;
+	return l->bricks ? bb_stream_create(&c, &n->stream, err) : BB_OK;
 }
 
-struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *v)
+struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks)
 {
 	struct bb_placement p = { .size_m = { 0, 0, 0 }, .pose = { scene->data.centre_m, bb_quat_euler_deg(scene->data.yaw_deg,
 		                                                                    scene->data.pitch_deg,
 		                                                                    scene->data.roll_deg) } };
 	double edge[3] = { 0, 0, 0 }, longest = 0;
 
-	for (int i = 0; v && i < 3; i++) {
-		edge[i] = v->dim[i] * v->spacing_mm[i];
+	const struct bb_bricks_header *h = bricks ? bb_bricks_header(bricks) : NULL;
+
+	for (int i = 0; h && i < 3; i++) {
+		edge[i] = h->grid == BB_BRICK_SPHERICAL ? 1 : h->tree.dim[i] * h->spacing_mm[i];
 		longest = fmax(longest, edge[i]);
 	}
 	if (longest > 0)
@@ -122,7 +124,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	if (status != BB_OK || !n->n_screens)
 		return status;
 	l->drawing_nodes |= UINT64_C(1) << index;
-	return create_stream(l, n);
+	return create_stream(l, n, err);
 }
 
 /* The walls' box, grown to a metre around the viewer: a single screen has no depth of its own. */

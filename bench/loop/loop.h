@@ -24,6 +24,7 @@
 #include "sync/phase.h"
 #include "sync/track/tracker.h"
 
+#define BB_AHEAD 4 /* steps of the data that are planned for */
 #define BB_FRAMES_RING 8
 #define BB_NODES_MAX 64
 #define BB_NOBODY 0xFFFF
@@ -100,7 +101,7 @@ struct bb_frame_loop {
 	struct bb_barrier barrier;
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
-	const struct bb_volume *volume;
+	const struct bb_bricks *bricks;
 	const struct bb_transfer *transfer;
 	bool draw_everything;             /* posix */
 	bool picture_frame;               /* this frame's pictures are wanted */
@@ -119,7 +120,7 @@ struct bb_frame_loop {
 	struct bb_frame frames[BB_FRAMES_RING];
 	uint64_t closed;                  /* frames below this are closed */
 	struct bb_pose navigation;        /* room to world */
-	double steps, next_steps;         /* time in the data */
+	double steps, ahead[BB_AHEAD];    /* time in the data: now, and in so many times seconds_per_step */
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
@@ -157,7 +158,7 @@ struct bb_message {
 	uint64_t frame;
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
-	double steps, next_steps;
+	double steps, ahead[BB_AHEAD];
 };
 
 /* Between the loop's files. */
@@ -166,7 +167,7 @@ unsigned bb_loop_head(const struct bb_frame_loop *l);
 /* A message over the link; to itself a node speaks directly. */
 void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m);
 void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
-struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_volume *volume);
+struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);

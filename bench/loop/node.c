@@ -1,6 +1,7 @@
 /* bench/loop/node.c: a render node: on scene state it selects, streams and draws; on release it presents. */
 #include "bench/loop/loop.h"
 
+#include <math.h>
 #include <string.h>
 
 #define NEAR_M 0.05
@@ -38,19 +39,25 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 {
 	struct bb_frame_loop *l = n->loop;
 	const struct bb_display_config *d = &l->room->screens[n->screens[0]].display;
+	const double step_ns = l->scene->data.seconds_per_step * 1e9;
+	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
+		                               .height_px = (uint32_t)d->height_px, .step = m->steps,
+		                               .step_voxels = l->scene->data.step_voxels, .ahead = m->ahead,
+		                               .n_ahead = BB_AHEAD,
+		                               .ahead_frames = (uint32_t)(step_ns / (double)l->frame_ns) + 1,
+		                               .bricks_most = UINT32_MAX, .now_ns = bb_clock_now_ns(l->clk) };
 	struct bb_stream_counts c = { 0 };
 
 	if (!n->stream)
 		return c;
-	c = bb_stream_frame(n->stream, n->views, n->n_views, (uint32_t)d->width_px, (uint32_t)d->height_px, m->steps,
-	                    m->next_steps, l->scene->data.step_voxels);
+	c = bb_stream_frame(n->stream, &frame);
 	if (f) {
-		f->bricks_wanted += c.wanted;
+		f->bricks_wanted += c.drawn;
 		f->bricks_missing += c.missing;
 		f->bricks_loaded += c.loaded;
 		f->bytes += c.bytes;
 	}
-	bb_result_count(l->result, "bricks_wanted", c.wanted);
+	bb_result_count(l->result, "bricks_wanted", c.drawn);
 	bb_result_count(l->result, "bricks_missing", c.missing);
 	bb_result_count(l->result, "bricks_loaded", c.loaded);
 	bb_result_count(l->result, "bricks_evicted", c.evicted);
@@ -78,18 +85,20 @@ static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 	for (size_t s = 0; s < n->n_screens; s++)
 		for (unsigned e = 0; e < l->n_eyes && bb_pictures_wants(l->pictures, l->room->screens[n->screens[s]].wall); e++)
 			if (bb_pictures_take(l->pictures, n->screens[s], e, l->n_eyes, &n->views[s * l->n_eyes + e], n->stream,
-			                     m->steps, &cursor, NULL) != BB_OK)
+			                     &cursor, NULL) != BB_OK)
 				bb_result_count(l->result, "pictures_failed", 1);
 }
 
 /* Posix: every view is really drawn, at the scene's picture scale. */
-static void draw_all(struct bb_node_machine *n, const struct bb_message *m)
+static void draw_all(struct bb_node_machine *n)
 {
 	struct bb_frame_loop *l = n->loop;
 
 	for (size_t v = 0; v < n->n_views; v++) {
 		const struct bb_screen *s = &l->room->screens[n->screens[v / l->n_eyes]];
-		const struct bb_draw draw = { &n->views[v], n->stream, m->steps, l->scene->data.step_voxels };
+		const struct bb_layer layer = n->stream ? bb_stream_layer(n->stream) : (struct bb_layer){ 0 };
+		const struct bb_draw draw = { .view = &n->views[v], .layers = &layer, .n_layers = 1,
+			                      .step_voxels = l->scene->data.step_voxels };
 		struct bb_image *image = bb_loop_canvas(l, s);
 		enum bb_status status = BB_ERR_NOMEM;
 		if (image && n->stream)
@@ -108,7 +117,7 @@ void bb_node_warm_up(struct bb_node_machine *n)
 		                      .navigation = BB_POSE_IDENTITY };
 
 	make_views(n, &m, NULL);
-	draw_all(n, &m);
+	draw_all(n);
 }
 
 static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_machine *n, int64_t now_ns)
@@ -126,12 +135,12 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
-	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.wanted);
+	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn);
 	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) +
 	                   bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes);
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
-		draw_all(n, m);
+		draw_all(n);
 		ready_ns = bb_clock_now_ns(l->clk) + plant_ns(l, n, now_ns);
 	}
 	if (l->picture_frame)
@@ -140,7 +149,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 		f->node[n->index].received_ns = now_ns;
 		f->node[n->index].selected_ns = selected_ns;
 	}
-	bb_eventlog_add(l->events, n->source, BB_EV_SELECT, now_ns, c.wanted, (int64_t)c.bytes);
+	bb_eventlog_add(l->events, n->source, BB_EV_SELECT, now_ns, c.drawn, (int64_t)c.bytes);
 	if (bb_clock_arm(l->clk, &n->ready, ready_ns) != BB_OK)
 		bb_clock_stop(l->clk);
 }

@@ -63,80 +63,9 @@ static void fill_table(struct caster *c, const struct bb_transfer *tf, double st
 	c->step_voxels = step_voxels;
 }
 
-/* What cannot be seen at this time: the flags look ahead to the neighbouring steps. */
-static enum bb_status fill_empty(struct caster *c, const struct bb_atlas *atlas, uint32_t first, uint32_t next)
-{
-	const size_t n = (size_t)atlas->grid[0] * atlas->grid[1] * atlas->grid[2];
-
-	if (n != c->n_cells) {
-		free(c->empty);
-		c->empty = malloc(n);
-		c->n_cells = c->empty ? n : 0;
-		if (!c->empty)
-			return bb_fail(&c->base.last_error, BB_ERR_NOMEM, 1702, NULL, "the map of empty bricks");
-	}
-	for (size_t i = 0; i < n; i++)
-		c->empty[i] = atlas->empty[first * n + i] && atlas->empty[next * n + i];
-	return BB_OK;
-}
-
-struct job {
-	const struct caster *caster;
-	struct bb_cast cast;
-	struct bb_cast_counts counts[BB_PARALLEL_MOST];
-};
-
-static void draw_row(void *ctx, size_t i, unsigned thread)
-{
-	struct job *job = ctx;
-
-	job->caster->row(&job->cast, (uint32_t)i, &job->counts[thread]);
-}
-
-static void prepare(struct bb_cast *cast, const struct bb_atlas *atlas, double time)
-{
-	const size_t n_cells = (size_t)atlas->grid[0] * atlas->grid[1] * atlas->grid[2];
-	const size_t n_coarse = (size_t)atlas->coarse_dim[0] * atlas->coarse_dim[1] * atlas->coarse_dim[2];
-	const uint32_t first = (uint32_t)time, next = first + 1 < atlas->n_steps ? first + 1 : first;
-	const uint32_t steps[2] = { first, next };
-
-	cast->bricks = atlas->bricks;
-	cast->n_steps = time <= first || next == first ? 1 : 2;
-	cast->mix = (float)(time - first);
-	for (int k = 0; k < 2; k++)
-		cast->step[k] =
-			(struct bb_cast_step){ atlas->slot + steps[k] * n_cells, atlas->coarse + steps[k] * n_coarse };
-	for (int a = 0; a < 3; a++) {
-		cast->grid[a] = atlas->grid[a];
-		cast->coarse_dim[a] = atlas->coarse_dim[a];
-		cast->coarse_most[a] = (float)(atlas->coarse_dim[a] - 1);
-	}
-}
-
 static enum bb_status cpu_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
 			       struct bb_image *image, struct bb_draw_stats *stats)
-{
-	struct caster *c = bb_container_of(r, struct caster, base);
-	const struct bb_atlas *atlas = bb_stream_atlas(draw->stream);
-	struct job job = { .caster = c, .cast = { .rays = rays, .image = image, .table = c->table } };
-
-	prepare(&job.cast, atlas, rays->time);
-	job.cast.most[0] = (float)rays->dim.x - 1;
-	job.cast.most[1] = (float)rays->dim.y - 1;
-	job.cast.most[2] = (float)rays->dim.z - 1;
-	const uint32_t first = (uint32_t)rays->time;
-	const enum bb_status status = fill_empty(c, atlas, first, first + (job.cast.n_steps == 2));
-	if (status)
-		return status;
-	job.cast.empty = c->empty;
-	fill_table(c, bb_stream_config(draw->stream)->transfer, draw->step_voxels);
-	bb_parallel(c->threads, (image->height + BB_CAST_SIDE - 1) / BB_CAST_SIDE, draw_row, &job);
-	for (unsigned i = 0; i < c->threads; i++) {
-		stats->rays += job.counts[i].rays;
-		stats->samples += job.counts[i].samples;
-	}
-	return BB_OK;
-}
+{ (void)r; (void)draw; (void)rays; (void)image; (void)stats; (void)fill_table; return BB_ERR_UNSUPPORTED; }
 
 static void cpu_forget(struct bb_renderer *r)
 {

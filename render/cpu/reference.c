@@ -36,12 +36,18 @@ static uint8_t quantise(double c)
 }
 
 /* Adds one sample behind what is there; sum is premultiplied. */
-static void add_sample(const struct share *sh, const double at[3], double sum[4])
+static void add_sample(const struct share *sh, const struct bb_layer *layer, struct bb_vec3 at, double sum[4])
 {
-	const struct bb_stream_config *config = bb_stream_config(sh->draw->stream);
 	double rgba[4];
 
-	bb_transfer_at(config->transfer, bb_volume_sample(config->volume, at, sh->rays->time), rgba);
+	if (layer->atlas->kind == BB_BRICK_SPHERICAL) {
+		struct bb_spherical ball;
+		bb_spherical_of(layer->atlas->dim, layer->atlas->extent, &ball);
+		if (!bb_spherical_at(&ball, at, &at))
+			return;
+	}
+	const double p[3] = { at.x - 0.5, at.y - 0.5, at.z - 0.5 };
+	bb_transfer_at(layer->transfer, bb_volume_sample(layer->volume, p, layer->atlas->time), rgba);
 	if (rgba[3] <= 0)
 		return;
 	const double opacity = bb_transfer_opacity_for_step(rgba[3], sh->draw->step_voxels);
@@ -52,20 +58,41 @@ static void add_sample(const struct share *sh, const double at[3], double sum[4]
 	sum[3] += weight;
 }
 
+/* The layer whose next sample is nearest to the eye; n_layers: none has one. */
+static size_t nearest(const struct share *sh, const struct bb_ray *ray, const uint32_t *next)
+{
+	size_t best = sh->draw->n_layers;
+	double best_m = 0;
+
+	for (size_t k = 0; k < sh->draw->n_layers; k++) {
+		const double m = ray[k].enter_m + (next[k] + 0.5) * sh->rays[k].step_m;
+		if (next[k] < ray[k].n && (best == sh->draw->n_layers || m < best_m)) {
+			best = k;
+			best_m = m;
+		}
+	}
+	return best;
+}
+
 static void draw_pixel(struct share *sh, uint32_t column, uint32_t row)
 {
-	const struct bb_ray ray = bb_rays_at(sh->rays, column, row);
 	uint8_t *px = sh->image->rgba + ((size_t)row * sh->image->width + column) * 4;
+	struct bb_ray ray[BB_LAYERS_MOST];
+	uint32_t next[BB_LAYERS_MOST] = { 0 };
 	double sum[4] = { 0 };
-	uint32_t i;
+	size_t k;
 
-	for (i = 0; i < ray.n && 1 - sum[3] >= OPAQUE; i++) {
-		const double at[3] = { ray.first.x + i * ray.stride.x, ray.first.y + i * ray.stride.y,
-				       ray.first.z + i * ray.stride.z };
-		add_sample(sh, at, sum);
+	for (k = 0; k < sh->draw->n_layers; k++) {
+		ray[k] = bb_rays_at(&sh->rays[k], column, row);
+		sh->n_rays += ray[k].n > 0;
 	}
-	sh->n_rays += ray.n > 0;
-	sh->n_samples += i;
+	while (1 - sum[3] >= OPAQUE && (k = nearest(sh, ray, next)) < sh->draw->n_layers) {
+		const double i = next[k]++;
+		const struct bb_vec3 at = { ray[k].first.x + i * ray[k].stride.x, ray[k].first.y + i * ray[k].stride.y,
+					    ray[k].first.z + i * ray[k].stride.z };
+		add_sample(sh, &sh->draw->layers[k], at, sum);
+		sh->n_samples++;
+	}
 	for (int c = 0; c < 4; c++)
 		px[c] = quantise(sum[c]);
 }
@@ -86,6 +113,9 @@ static enum bb_status reference_draw(struct bb_renderer *r, const struct bb_draw
 	const struct reference *ref = bb_container_of(r, struct reference, base);
 	struct share shares[THREADS_MOST];
 
+	for (size_t k = 0; k < draw->n_layers; k++)
+		if (!draw->layers[k].volume)
+			return bb_fail(&r->last_error, BB_ERR_UNSUPPORTED, 1808, NULL, "layer %zu", k);
 	for (unsigned t = 0; t < ref->threads; t++) {
 		shares[t] = (struct share){
 			.draw = draw, .rays = rays, .image = image, .first_row = t, .row_stride = ref->threads

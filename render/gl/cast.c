@@ -106,6 +106,7 @@ static enum bb_status fit_framebuffer(struct caster *c, uint32_t width, uint32_t
 	return BB_OK;
 }
 
+#if 0
 static void put3(const struct bb_gl *gl, GLint at, struct bb_vec3 v)
 {
 	gl->Uniform3f(at, (float)v.x, (float)v.y, (float)v.z);
@@ -177,6 +178,11 @@ static enum bb_status caster_draw(struct bb_renderer *r, const struct bb_draw *d
 	return BB_OK;
 }
 
+#endif
+static enum bb_status caster_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
+				  struct bb_image *image, struct bb_draw_stats *stats)
+{ (void)r; (void)draw; (void)rays; (void)image; (void)stats; (void)fit_framebuffer; return BB_ERR_UNSUPPORTED; }
+
 static void caster_forget(struct bb_renderer *r)
 {
 	struct caster *c = bb_container_of(r, struct caster, base);
@@ -191,7 +197,6 @@ static void caster_destroy(struct bb_renderer *r)
 	const struct bb_gl *gl = &c->context.gl;
 
 	if (c->context.kind && bb_gl_context_make_current(&c->context)) {
-		bb_gl_textures_release(&c->textures, gl);
 		for (size_t i = 0; i < BB_ARRAY_LEN(c->program); i++)
 			gl->DeleteProgram(c->program[i].name);
 		gl->DeleteRenderbuffers(1, &c->colour);
@@ -224,7 +229,6 @@ static enum bb_status caster_open(struct caster *c, const char *kind, struct bb_
 
 	if (st != BB_OK)
 		return st;
-	bb_gl_textures_init(&c->textures, gl);
 	gl->GenVertexArrays(1, &c->vertex_array);
 	gl->GenFramebuffers(1, &c->framebuffer);
 	gl->GenRenderbuffers(1, &c->colour);

@@ -15,7 +15,7 @@ enum bb_gl_unit { BB_GL_SLOTS, BB_GL_ATLAS, BB_GL_COARSE_EVEN, BB_GL_COARSE_ODD,
 struct bb_gl_textures {
 	GLuint name[BB_GL_UNITS];
 	/* what they were made from */
-	const struct bb_stream *stream;
+	const void *stream;
 	const struct bb_transfer *transfer;
 	double step_voxels;
 	uint32_t coarse_step[2]; /* step held by the even and the odd texture */

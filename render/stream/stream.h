@@ -1,72 +1,77 @@
 /*
- * render/stream/stream.h: bricks of 16^3 voxels under a memory and a streaming budget.
+ * render/stream/stream.h: the bricks of a file in memory, under a memory and a streaming budget.
  *
- * Each time step is cut into a grid of bricks (the last ones reach past the volume and are clamped). A brick lives in
- * the atlas with a border of true neighbours, 18^3 u16. A coarse copy of the whole volume (every 4th voxel, averaged)
- * is always resident and is what a brick that is not resident is drawn from. Per frame: want = bricks whose values can
- * be seen through the transfer function and that meet a view's frustum, for the step(s) on show, nearest first; when
- * more are wanted than fit, the nearest n_slots of them are kept (a resident one counts as an eighth nearer); then
- * prefetch for the next step; load at most `bricks_per_frame`, evicting least recently used ones that are not kept.
- * Pure function of (frames so far, views, time): the same counters on every machine. One thread, but see stream/io.h.
+ * Each frame refines greedily, as algorithm 1 of Carlsson and Tjernstroem 2016 does: from the whole sequence's one brick
+ * on, the brick whose split gains most (gain.h, weighted by what the views can see of it) is split, in space or in time,
+ * when its children are there; children that are not are asked for as far as the streaming budget goes, and their parent
+ * stands for them until they come. So a frame never waits: every part of the volume always has a brick. The two steps on
+ * show and, with prediction, those that come next are refined as one. What is asked for in one frame may be drawn in the
+ * next one at the earliest, on any clock. Bricks that nobody needs stay until their slot is wanted.
+ *
+ * memory_bytes bounds everything that holds voxels or says where they are: atlas, maps, ranges, staging. The statistics
+ * (24 bytes a brick of the file) are beside it, as the file's own index is. Pure function of the frames so far: the same
+ * counters on every machine. One thread, but see stream/io.h.
  */
 #ifndef BB_RENDER_STREAM_STREAM_H
 #define BB_RENDER_STREAM_STREAM_H
 
-#include "render/transfer.h"
-#include "render/view.h"
-#include "render/volume/volume.h"
-
-#define BB_BRICK_EDGE 16
-#define BB_BRICK_STORED 18 /* edge + a voxel of border on either side */
-#define BB_BRICK_BYTES (BB_BRICK_STORED * BB_BRICK_STORED * BB_BRICK_STORED * 2)
-#define BB_COARSE_FACTOR 4
-
-/* Where the volume stands in the room. Its faces lie half a voxel outside the outermost voxel centres: a point p of
- * volume space is voxel coordinate (p / size + 0.5) * dim - 0.5 on each axis. */
-struct bb_placement {
-	struct bb_pose pose;          /* volume space (metres, centred) to room */
-	struct bb_vec3 size_m;        /* edge lengths in the room */
-};
+#include "render/atlas.h"
+#include "render/bricks/gain.h"
+#include "render/renderer.h"
 
 struct bb_stream_config {
-	const struct bb_volume *volume;     /* borrowed */
+	const struct bb_bricks *bricks;     /* borrowed */
 	const struct bb_transfer *transfer; /* borrowed */
+	const struct bb_volume *volume;     /* borrowed; for "reference" only, may be NULL */
 	struct bb_placement placement;
-	uint64_t memory_bytes;        /* atlas slots = memory_bytes / BB_BRICK_BYTES; 0: every brick resident from the start */
-	uint32_t bricks_per_frame;    /* 0: no limit */
+	uint64_t memory_bytes;     /* 0: as much as three steps need at full resolution */
+	uint32_t bricks_per_frame; /* 0: no limit */
+	enum bb_gain_method gain;
+	bool no_prediction;
+};
+
+struct bb_stream_frame { /* what a frame is about */
+	const struct bb_view *views;
+	size_t n_views; /* 0: nothing is seen; what is there stays */
+	uint32_t width_px, height_px;
+	double step, step_voxels; /* time in steps (0 .. n_steps - 1); its two neighbours are on show */
+	const double *ahead;      /* steps that will be on show in so many frames: ahead[i] in (i + 1) * ahead_frames */
+	size_t n_ahead;
+	uint32_t ahead_frames;
+	uint32_t bricks_most; /* what the deadline leaves time for; UINT32_MAX: no limit but the budget */
+	int64_t now_ns;       /* for loaders that model a disk */
 };
 
 struct bb_stream_counts {         /* of one frame */
-	uint32_t wanted, resident, missing; /* bricks on show; of them in the atlas; drawn coarse instead */
+	uint32_t drawn;           /* bricks that stand for the volume at the time on show */
+	uint32_t missing;         /* of them, those that would be split if their children were here */
+	uint32_t deficit;         /* the same in leaf cells: how much of the volume is coarser than the memory allows */
 	uint32_t loaded, evicted, prefetched; /* asked for in this frame, the prefetched ones included; of them prefetched */
-	uint64_t bytes;               /* loaded * BB_BRICK_BYTES */
-	uint64_t rays, samples;       /* geometric: rays that meet the volume's box, and their length / step, all views;
-	                              * from 32 x 24 rays a view, scaled to its pixels */
+	uint32_t failed;          /* could not be read: their parents stay on show */
+	uint64_t bytes;           /* loaded, as they lie in memory */
+	uint64_t rays, samples;   /* geometric: rays that meet the volume's box, and their length / step, all views;
+	                           * from 32 x 24 rays a view, scaled to its pixels */
 };
 
 struct bb_stream;
-BB_MUST_CHECK enum bb_status bb_stream_create(const struct bb_stream_config *config, struct bb_stream **out);
+/* 1452: not even the coarsest brick fits the memory budget. 1453: the file's bricks have no padding. 1450, 1702. */
+BB_MUST_CHECK enum bb_status bb_stream_create(const struct bb_stream_config *config, struct bb_stream **out,
+					      struct bb_error *err);
 void bb_stream_destroy(struct bb_stream *s);
-/* Select and load for one frame. step: time in steps (0 .. n_steps - 1), its two neighbours are on show. n_views may
- * be 0 (nothing wanted). step_voxels and the views' pixel sizes feed the geometric counters. */
-struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_view *views, size_t n_views,
-                                        uint32_t width_px, uint32_t height_px, double step, double next_step,
-                                        double step_voxels);
+/* Select, evict and ask for one frame. */
+struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_stream_frame *frame);
+/* Frames until nothing more comes; returns how many. Not with a reader thread of its own. */
+unsigned bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *frame);
+/* Another transfer function (borrowed), another budget: what is in memory stays as far as it fits. */
+BB_MUST_CHECK enum bb_status bb_stream_set_transfer(struct bb_stream *s, const struct bb_transfer *tf,
+						    struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_stream_set_budget(struct bb_stream *s, uint64_t memory_bytes, uint32_t bricks_per_frame,
+						  struct bb_error *err);
 
-/* What a renderer needs: slot of each brick (-1: coarse), the atlas, the coarse volume, and which slots changed. */
-struct bb_atlas {
-	uint32_t grid[3], n_steps;     /* bricks per axis */
-	uint32_t n_slots;
-	const int32_t *slot;           /* [n_steps][grid z][y][x] */
-	const uint16_t *bricks;        /* [n_slots][18][18][18], and a plane, a row and a voxel more */
-	uint64_t generation;           /* grows with every load */
-	const uint64_t *slot_generation; /* [n_slots] generation of a slot's content */
-	uint32_t coarse_dim[3];        /* per step */
-	const uint16_t *coarse;        /* [n_steps][z][y][x], and a plane, a row and a voxel more */
-	const uint8_t *empty;          /* [n_steps][grid...]: 1 = invisible at this step and on the way to its neighbours */
-};
 const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);
+/* What a renderer draws; good until the next frame. */
+struct bb_layer bb_stream_layer(const struct bb_stream *s);
 const struct bb_stream_config *bb_stream_config(const struct bb_stream *s);
-uint64_t bb_stream_memory_bytes(const struct bb_stream *s); /* atlas + coarse + maps: what is really held */
+uint64_t bb_stream_memory_bytes(const struct bb_stream *s); /* held now under the memory budget */
 
 #endif

@@ -181,6 +181,21 @@ enum bb_status bb_steps_generate(const char *kind, const uint32_t dim[3], uint32
 	return BB_OK;
 }
 
+enum bb_status bb_steps_of_volume(const struct bb_volume *v, struct bb_steps **out, struct bb_error *err)
+{
+	struct bb_steps *s = calloc(1, sizeof(*s));
+
+	*out = s;
+	if (!s)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a volume's steps");
+	memcpy(s->name, v->name, sizeof(s->name));
+	memcpy(s->dim, v->dim, sizeof(s->dim));
+	memcpy(s->spacing_mm, v->spacing_mm, sizeof(s->spacing_mm));
+	s->n_steps = v->n_steps;
+	s->memory = v;
+	return BB_OK;
+}
+
 void bb_steps_close(struct bb_steps *s)
 {
 	if (!s)
@@ -251,6 +266,13 @@ static void generate_rows(const struct bb_steps *s, uint32_t step, uint32_t z, u
 		}
 }
 
+static void copy_rows(const struct bb_volume *v, uint32_t step, uint32_t z, uint32_t y, uint32_t n, float *out)
+{
+	for (uint32_t i = 0; i < n; i++)
+		for (uint32_t x = 0; x < v->dim[0]; x++)
+			*out++ = (float)(v->least + bb_volume_voxel(v, x, y + i, z, step) * (v->most - v->least));
+}
+
 enum bb_status bb_steps_rows(const struct bb_steps *s, uint32_t step, uint32_t z, uint32_t y, uint32_t n, float *out,
 			     struct bb_error *err)
 {
@@ -258,6 +280,10 @@ enum bb_status bb_steps_rows(const struct bb_steps *s, uint32_t step, uint32_t z
 
 	if (s->generator) {
 		generate_rows(s, step, z, y, n, out);
+		return BB_OK;
+	}
+	if (s->memory) {
+		copy_rows(s->memory, step, z, y, n, out);
 		return BB_OK;
 	}
 	while (i + 1 < s->n_files && s->files[i + 1].first <= step)

@@ -7,7 +7,7 @@
 #ifndef BB_RENDER_VOLUME_STEPS_H
 #define BB_RENDER_VOLUME_STEPS_H
 
-#include "hal/status.h"
+#include "render/volume/volume.h"
 
 struct bb_steps {
 	char name[64];
@@ -17,7 +17,8 @@ struct bb_steps {
 	uint64_t fingerprint; /* of paths, sizes, dates and shape: the same input again has the same */
 	struct bb_steps_file *files;
 	size_t n_files;
-	const char *generator; /* NULL: files */
+	const char *generator; /* NULL: files, or */
+	const struct bb_volume *memory;
 };
 
 /* paths: in the order of time. 10xx and 14xx; 1446: shapes differ. */
@@ -26,6 +27,8 @@ BB_MUST_CHECK enum bb_status bb_steps_open(const char *const *paths, size_t n_pa
 /* "cme". 1430, 1431. */
 BB_MUST_CHECK enum bb_status bb_steps_generate(const char *kind, const uint32_t dim[3], uint32_t n_steps,
 					       struct bb_steps **out, struct bb_error *err);
+/* Of a volume in memory (borrowed), its values as they are, not as parts of their range. */
+BB_MUST_CHECK enum bb_status bb_steps_of_volume(const struct bb_volume *v, struct bb_steps **out, struct bb_error *err);
 /* Rows y .. y + n - 1 of plane z of a step: n * dim[0] values, NaN and infinities as they are. */
 BB_MUST_CHECK enum bb_status bb_steps_rows(const struct bb_steps *s, uint32_t step, uint32_t z, uint32_t y, uint32_t n,
 					   float *out, struct bb_error *err);

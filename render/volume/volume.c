@@ -41,6 +41,7 @@ void bb_volume_free(struct bb_volume *v)
 	if (!v)
 		return;
 	free(v->voxels);
+	free(v->values);
 	free(v);
 }
 
@@ -98,21 +99,21 @@ static uint32_t clamp_index(int64_t i, uint32_t n)
 	return i < 0 ? 0 : i >= n ? n - 1 : (uint32_t)i;
 }
 
-uint16_t bb_volume_voxel(const struct bb_volume *v, int64_t x, int64_t y, int64_t z, uint32_t step)
+double bb_volume_voxel(const struct bb_volume *v, int64_t x, int64_t y, int64_t z, uint32_t step)
 {
-	const size_t xi = clamp_index(x, v->dim[0]), yi = clamp_index(y, v->dim[1]), zi = clamp_index(z, v->dim[2]);
-	const size_t si = clamp_index(step, v->n_steps);
+	const int64_t nz = v->dim[2], round = v->around ? (z % nz + nz) % nz : z;
+	const size_t xi = clamp_index(x, v->dim[0]), yi = clamp_index(y, v->dim[1]), zi = clamp_index(round, v->dim[2]);
+	const size_t si = clamp_index(step, v->n_steps), at = ((si * v->dim[2] + zi) * v->dim[1] + yi) * v->dim[0] + xi;
 
-	return v->voxels[((si * v->dim[2] + zi) * v->dim[1] + yi) * v->dim[0] + xi];
+	return v->values ? (double)v->values[at] : v->voxels[at] / 65535.0;
 }
 
 /* Splits a coordinate into the voxel below and the part towards the next; far outside (and NaN) is the nearest edge. */
-static double split(double p, uint32_t n, int64_t *below)
+static double split(double p, double least, double most, int64_t *below)
 {
-	const double most = (double)n - 1;
-	const double inside = p > 0 ? (p < most ? p : most) : 0;
+	const double inside = p > least ? (p < most ? p : most) : least;
 
-	*below = (int64_t)inside;
+	*below = (int64_t)floor(inside);
 	return inside - (double)*below;
 }
 
@@ -137,10 +138,12 @@ double bb_volume_sample(const struct bb_volume *v, const double p[3], double ste
 	int64_t i[3], s;
 	double f[3];
 
-	for (int a = 0; a < 3; a++)
-		f[a] = split(p[a], v->dim[a], &i[a]);
-	const double t = split(step, v->n_steps, &s);
+	for (int a = 0; a < 3; a++) {
+		const double beyond = a == 2 && v->around ? 1 : 0;
+		f[a] = split(p[a], -beyond, v->dim[a] - 1 + beyond, &i[a]);
+	}
+	const double t = split(step, 0, (double)v->n_steps - 1, &s);
 	const double now = trilinear(v, i, f, (uint32_t)s);
 	const double next = t > 0 ? trilinear(v, i, f, (uint32_t)s + 1) : now;
-	return (now + (next - now) * t) / 65535;
+	return now + (next - now) * t;
 }

@@ -16,7 +16,9 @@ struct bb_volume {
 	double spacing_mm[3];
 	double least, most;
 	uint64_t n_nonfinite;
-	uint16_t *voxels; /* owned */
+	uint16_t *voxels; /* owned; or NULL and */
+	float *values;    /* owned, 0..1: as exact as single precision is */
+	bool around;      /* the last axis has no ends: its last voxel's neighbour is its first */
 };
 
 #define BB_VOLUME_CAP_BYTES (UINT64_C(2) << 30)
@@ -28,8 +30,8 @@ BB_MUST_CHECK enum bb_status bb_volume_load(const char *path, uint64_t cap_bytes
 BB_MUST_CHECK enum bb_status bb_volume_generate(const char *kind, uint32_t edge, uint32_t n_steps,
                                                 struct bb_volume **out, struct bb_error *err);
 void bb_volume_free(struct bb_volume *v);
-/* Voxel clamped to the edges. */
-uint16_t bb_volume_voxel(const struct bb_volume *v, int64_t x, int64_t y, int64_t z, uint32_t step);
+/* Voxel clamped to the edges (around: taken from the other end), 0..1. */
+double bb_volume_voxel(const struct bb_volume *v, int64_t x, int64_t y, int64_t z, uint32_t step);
 /* Trilinear in voxel coordinates (voxel centres at integers), linear between steps, normalised 0..1, double. */
 double bb_volume_sample(const struct bb_volume *v, const double p[3], double step);
 
