@@ -54,7 +54,7 @@ struct bb_stream_counts {         /* of one frame */
 };
 
 struct bb_stream;
-/* 1452: not even the coarsest brick fits the memory budget. 1453: the file's bricks have no padding. 1450, 1702. */
+/* 1470: not even the coarsest brick fits the memory budget. 1471: the file's bricks have no padding. 1450, 1702. */
 BB_MUST_CHECK enum bb_status bb_stream_create(const struct bb_stream_config *config, struct bb_stream **out,
 					      struct bb_error *err);
 void bb_stream_destroy(struct bb_stream *s);
