@@ -34,38 +34,51 @@ static double clamped(double t, uint32_t n_steps)
 	return t > 0 ? (t < last ? t : last) : 0; /* NaN is 0 */
 }
 
-static void add_ahead(struct bb_stream *s, const struct bb_stream_frame *f, double now)
+/* The other step on show at a time, or about to be when it falls on one. */
+static uint32_t next_to(const struct bb_stream *s, double t, int way)
+{
+	return (uint32_t)(t > floor(t) ? ceil(t) : clamped(t + way, s->tree->n_steps));
+}
+
+/* A step gains weight as it comes nearer and loses it as it fades, without a jump anywhere: what a plan gives up or takes
+ * on from one frame to the next is little. */
+static void add_ahead(struct bb_stream *s, const struct bb_stream_frame *f, double left, int way)
 {
 	struct bb_plan *p = &s->plan;
-	const double next = clamped(f->ahead[0], s->tree->n_steps), part = now - floor(now);
-	const double left = next >= now ? 1 - part : part; /* of the way to the next step */
-	float weight = 0.7F;
 
-	for (size_t i = 0; i < f->n_ahead && i < 4; i++, weight *= 0.5F) {
-		const double t = clamped(f->ahead[i], s->tree->n_steps);
-		const uint32_t due = (uint32_t)fmax(1, ((double)i + left) * f->ahead_frames);
+	for (size_t i = 0; i < f->n_ahead && i < 4; i++) {
+		const double t = clamped(f->ahead[i], s->tree->n_steps), units = (double)i + left;
+		const uint32_t due = (uint32_t)fmax(1, units * f->ahead_frames);
+		const float weight = (float)exp2(-units);
 		add_step(p, (uint32_t)t, due, weight);
-		add_step(p, (uint32_t)ceil(t), due, weight);
+		add_step(p, next_to(s, t, way), due, weight);
 	}
 }
 
 void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *f)
 {
 	struct bb_plan *p = &s->plan;
-	const double now = clamped(f->step, s->tree->n_steps);
+	const double now = clamped(f->step, s->tree->n_steps), part = now - floor(now);
+	const double next = f->n_ahead ? clamped(f->ahead[0], s->tree->n_steps) : now;
 	const uint32_t frames = f->ahead_frames ? f->ahead_frames : 1;
+	const bool back = fabs(next - (now - 1)) < 1e-6; /* else on, or a jump that comes when this step is over */
 
-	p->n_steps = 0;
-	add_step(p, (uint32_t)now, 0, 1);
-	add_step(p, (uint32_t)ceil(now), 0, 1);
-	p->n_shown = p->n_steps;
+	p->n_steps = p->n_ahead = 0;
 	p->stream_most = (double)INFINITY;
-	if (!f->n_ahead || f->step == f->ahead[0])
+	/* The one that goes has faded to nothing before it drops out of the plan. */
+	add_step(p, (uint32_t)now, 0, (float)(next == now || back ? 1 : (1 - part) * (1 - part)));
+	add_step(p, (uint32_t)ceil(now), 0, (float)(back && part > 0 ? part * part : 1));
+	p->n_shown = p->n_steps;
+	if (next == now)
 		return;
 	if (s->config.bricks_per_frame)
 		p->stream_most = STREAM_SHARE * s->config.bricks_per_frame * frames;
-	if (!s->config.no_prediction)
-		add_ahead(s, f, now);
+	if (s->config.no_prediction)
+		return;
+	if (part == 0)
+		add_step(p, next_to(s, now, back ? -1 : 1), 0, 1);
+	p->n_ahead = (uint32_t)f->n_ahead;
+	add_ahead(s, f, back && part > 0 ? part : 1 - part, back ? -1 : 1);
 }
 
 /* ---- the heap ---- */

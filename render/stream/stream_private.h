@@ -52,7 +52,7 @@ struct bb_target { /* a brick that should stand for part of the volume in some o
 };
 
 struct bb_plan {
-	uint32_t step[BB_STEPS_MOST], n_steps, n_shown;
+	uint32_t step[BB_STEPS_MOST], n_steps, n_shown, n_ahead;
 	uint32_t due[BB_STEPS_MOST]; /* frames until a step is on show */
 	float weight[BB_STEPS_MOST];
 	double stream_most; /* bricks a step that playing may cost; INFINITY: no limit */

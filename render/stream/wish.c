@@ -99,18 +99,21 @@ static void sort(struct bb_wish *w, uint32_t n)
 }
 
 /*
- * How many bricks of the steps ahead to ask for now, so that all are here when their step is on show and no frame has
- * more to do than another: the steepest line from here to any date.
+ * How many bricks to ask for now, so that all are here when their step is on show and no frame has more to do than
+ * another: the steepest line from here to any date. A quarter of a step is added to each: for so long what is on show may
+ * be a little coarser, and a plan that turned to other bricks does not make a burst.
  */
-static uint32_t pace(const struct bb_stream *s, uint32_t first)
+static uint32_t pace(const struct bb_stream *s, const struct bb_stream_frame *f)
 {
 	uint32_t most = 0;
 
-	for (uint32_t i = first; i < s->n_wishes; i++) {
-		const uint32_t n = i + 1 - first, due = s->wish[i].due;
-		if (i + 1 < s->n_wishes && s->wish[i + 1].due == due)
+	if (!s->plan.n_ahead)
+		return UINT32_MAX;
+	for (uint32_t i = 0; i < s->n_wishes; i++) {
+		const uint32_t due = s->wish[i].due + f->ahead_frames / 4 + 1;
+		if (i + 1 < s->n_wishes && s->wish[i + 1].due == s->wish[i].due)
 			continue;
-		const uint32_t each = (n + due - 1) / due;
+		const uint32_t each = (i + due) / due;
 		most = each > most ? each : most;
 	}
 	return most;
@@ -135,25 +138,20 @@ static bool ask(struct bb_stream *s, uint64_t brick, uint32_t *n_loads, struct b
 
 void bb_ask(struct bb_stream *s, const struct bb_stream_frame *f, struct bb_stream_counts *counts)
 {
-	const uint32_t most = s->config.bricks_per_frame ? s->config.bricks_per_frame : UINT32_MAX;
-	const uint32_t budget = f->bricks_most < most ? f->bricks_most : most;
-	uint32_t n = 0, i = 0;
+	uint32_t budget = s->config.bricks_per_frame ? s->config.bricks_per_frame : UINT32_MAX, n = 0;
 
 	sort(s->wish, s->n_wishes);
-	for (; i < s->n_wishes && s->wish[i].due == 0 && n < budget; i++)
+	const uint32_t paced = pace(s, f);
+	budget = f->bricks_most < budget ? f->bricks_most : budget;
+	budget = paced < budget ? paced : budget;
+	for (uint32_t i = 0; i < s->n_wishes && n < budget; i++) {
+		const uint32_t before = n;
 		if (!ask(s, s->wish[i].brick, &n, counts))
 			break;
-	const uint32_t shown = n;
-	if (i == s->n_wishes || s->wish[i].due > 0) {
-		const uint32_t ahead = pace(s, i), limit = ahead < budget - n ? n + ahead : budget;
-		for (; i < s->n_wishes && n < limit; i++)
-			if (!ask(s, s->wish[i].brick, &n, counts))
-				break;
+		counts->prefetched += s->wish[i].due ? n - before : 0;
 	}
 	counts->loaded = n;
-	counts->prefetched = n - shown;
 	counts->bytes = (uint64_t)n * s->atlas.slot_bytes;
 	if (n)
 		s->loader->submit(s->loader, s->load, n, f->now_ns);
 }
-
