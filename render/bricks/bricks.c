@@ -1,4 +1,4 @@
-#include "render/bricks/bricks.h"
+#include "render/bricks/bricks_private.h"
 #include "render/bricks/values.h"
 
 #include <errno.h>
@@ -8,15 +8,6 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
-
-struct bb_bricks {
-	char path[BB_PATH_MAX_BYTES];
-	int fd;
-	uint64_t file_bytes;
-	struct bb_bricks_header h;
-	struct bb_bricks_record *index;
-	struct bb_bricks_moments *moments;
-};
 
 static enum bb_status read_at(const struct bb_bricks *b, uint64_t at, void *buf, size_t n, struct bb_error *err)
 {
@@ -178,13 +169,17 @@ enum bb_status bb_bricks_read(const struct bb_bricks *b, uint64_t brick, uint8_t
 	const size_t n = bb_bricks_brick_bytes(&b->h);
 	if (b->h.codec == BB_BRICK_PLAIN && r->bytes == n)
 		return read_record(b, brick, r, out, "brick", err);
+	struct bb_unpacker unpacker;
 	uint8_t *packed = malloc(r->bytes ? r->bytes : 1);
-	if (!packed)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, &(struct bb_where){ b->path, 0, 0 }, "a packed brick");
-	enum bb_status status = read_record(b, brick, r, packed, "brick", err);
-	if (!status && !bb_values_unpack(b->h.codec, packed, r->bytes, out, n))
+	enum bb_status status = BB_OK;
+	if (!bb_unpacker_init(&unpacker, b->h.codec) || !packed)
+		status = bb_fail(err, BB_ERR_NOMEM, 1702, &(struct bb_where){ b->path, 0, 0 }, "a packed brick");
+	if (!status)
+		status = read_record(b, brick, r, packed, "brick", err);
+	if (!status && !bb_values_unpack(&unpacker, packed, r->bytes, out, n))
 		status = bb_fail(err, BB_ERR_FORMAT, 1450, &(struct bb_where){ b->path, 0, 0 }, "brick %llu",
 				 (unsigned long long)brick);
+	bb_unpacker_fini(&unpacker);
 	free(packed);
 	return status;
 }
