@@ -11,7 +11,7 @@
 
 struct bb_bricks;
 
-/* 10xx, 1406, 1440 to 1445, 1451. */
+/* 10xx, 1406, 1440 to 1445, 1451, 1454. */
 BB_MUST_CHECK enum bb_status bb_bricks_open(const char *path, struct bb_bricks **out, struct bb_error *err);
 void bb_bricks_close(struct bb_bricks *b);
 const struct bb_bricks_header *bb_bricks_header(const struct bb_bricks *b);
