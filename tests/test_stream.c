@@ -169,7 +169,7 @@ static void turn_something(struct wander *w)
 		break;
 	case 3:
 		w->bricks_per_frame = dice(12);
-		w->memory_bytes = (20 + dice(400)) * UINT64_C(1024);
+		w->memory_bytes = (40 + dice(400)) * UINT64_C(1024);
 		assert_int_equal(bb_stream_set_budget(w->s, w->memory_bytes, w->bricks_per_frame, &err), BB_OK);
 		break;
 	case 4:

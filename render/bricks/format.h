@@ -60,8 +60,8 @@ size_t bb_bricks_brick_bytes(const struct bb_bricks_header *h);
 
 void bb_bricks_header_write(const struct bb_bricks_header *h, uint8_t out[BB_BRICKS_HEADER_BYTES]);
 /*
- * Believes nothing: the CRC, then every field, then that all sections lie within a file of file_bytes and are as large
- * as the tree demands. 1440 to 1445. Allocates nothing.
+ * Believes nothing: the CRC, then every field, then that all sections lie within a file of file_bytes, apart, as large
+ * as the tree demands. 1440 to 1445, 1451. Allocates nothing.
  */
 BB_MUST_CHECK enum bb_status bb_bricks_header_read(const uint8_t in[BB_BRICKS_HEADER_BYTES], uint64_t file_bytes,
 						   const struct bb_where *where, struct bb_bricks_header *out,

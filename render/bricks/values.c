@@ -82,13 +82,33 @@ size_t bb_values_pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, 
 	return n;
 }
 
-bool bb_values_unpack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
+bool bb_unpacker_init(struct bb_unpacker *u, enum bb_brick_codec codec)
 {
-	if (codec == BB_BRICK_LZ4)
+	*u = (struct bb_unpacker){ codec, NULL };
+	if (codec != BB_BRICK_ZSTD)
+		return true;
+	u->zstd = ZSTD_createDCtx();
+	return u->zstd != NULL;
+}
+
+void bb_unpacker_fini(struct bb_unpacker *u)
+{
+	ZSTD_freeDCtx(u->zstd);
+	u->zstd = NULL;
+}
+
+uint64_t bb_unpacker_bytes(const struct bb_unpacker *u)
+{
+	return u->zstd ? ZSTD_sizeof_DCtx(u->zstd) : 0;
+}
+
+bool bb_values_unpack(const struct bb_unpacker *u, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
+{
+	if (u->codec == BB_BRICK_LZ4)
 		return n <= INT32_MAX &&
 		       LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
-	if (codec == BB_BRICK_ZSTD)
-		return ZSTD_decompress(out, n_out, from, n) == n_out;
+	if (u->codec == BB_BRICK_ZSTD)
+		return ZSTD_decompressDCtx(u->zstd, out, n_out, from, n) == n_out;
 	if (n != n_out)
 		return false;
 	memcpy(out, from, n);

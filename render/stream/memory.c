@@ -36,7 +36,7 @@ static uint64_t bytes_for(const struct bb_stream *s, uint64_t n_slots)
 	const uint64_t each = a->slot_bytes + blocks_of(a) * sizeof(*s->range) + sizeof(*s->slot_generation) +
 			      sizeof(*s->slots.slot) + 2 * sizeof(*s->plan.heap) + sizeof(*s->wish) + 2 * sizeof(*s->load);
 	const uint64_t once = bb_atlas_slack_bytes(a) + 2 * cells_of(a) * sizeof(*s->map[0]) +
-			      SPARE * (2 * sizeof(*s->plan.heap) + sizeof(*s->wish));
+			      SPARE * (2 * sizeof(*s->plan.heap) + sizeof(*s->wish)) + bb_bricks_reader_bytes(s->reader);
 
 	return each * n_slots + once + hash_size((uint32_t)n_slots) * sizeof(*s->slots.hash);
 }
@@ -73,17 +73,30 @@ static void *take(struct bb_stream *s, size_t n, size_t size, bool *ok)
 	return memory;
 }
 
+/* Staging takes no more than a sixteenth of the budget, if one brick does not. */
+static enum bb_status take_reader(struct bb_stream *s, struct bb_error *err)
+{
+	const uint64_t share = s->config.memory_bytes / 16 / s->atlas.slot_bytes;
+	const uint32_t most = s->complete || share > BB_READ_MOST ? BB_READ_MOST : (uint32_t)share;
+
+	return bb_bricks_reader_create(s->config.bricks, most, BB_BRICKS_CACHED, &s->reader, err);
+}
+
 enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err)
 {
 	struct bb_atlas *a = &s->atlas;
 	const size_t n_cells = cells_of(a);
+	const enum bb_status status = take_reader(s, err);
+
+	if (status)
+		return status;
 	const uint32_t n = s->complete ? (uint32_t)(2 * n_cells + 1) : slots_that_fit(s, s->config.memory_bytes);
 	bool ok = true;
 
 	if (!n)
 		return bb_fail(err, BB_ERR_CONFIG, 1470, NULL, "%llu bytes, one brick with its maps takes %llu",
 			       (unsigned long long)s->config.memory_bytes, (unsigned long long)bytes_for(s, 1));
-	s->held_bytes = 0;
+	s->held_bytes = bb_bricks_reader_bytes(s->reader);
 	s->slots.n = a->n_slots = n;
 	s->slots.n_hash = hash_size(n);
 	s->reserve = s->complete ? 1 : n / 8 + 1;
@@ -118,6 +131,8 @@ void bb_stream_give(struct bb_stream *s)
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(all); i++)
 		free(all[i]);
+	bb_bricks_reader_destroy(s->reader);
+	s->reader = NULL;
 	s->bricks = NULL;
 	s->range = NULL;
 	s->slot_generation = NULL;
@@ -129,11 +144,18 @@ void bb_stream_give(struct bb_stream *s)
 	s->held_bytes = 0;
 }
 
-bool bb_stream_read(const struct bb_stream *s, struct bb_load *load, struct bb_error *err)
+void bb_stream_read(struct bb_stream *s, struct bb_load *loads, size_t n, struct bb_error *err)
 {
-	uint8_t *to = s->bricks + (size_t)load->slot * s->atlas.slot_bytes;
+	struct bb_bricks_want want[BB_READ_MOST];
 
-	load->failed = bb_bricks_read(s->config.bricks, load->brick, to, err) != BB_OK;
-	load->n_odd = load->failed ? 0 : bb_atlas_accept(&s->atlas, to, s->range + load->slot * blocks_of(&s->atlas));
-	return !load->failed;
+	for (size_t i = 0; i < n; i++)
+		want[i] = (struct bb_bricks_want){ .brick = loads[i].brick,
+						   .out = s->bricks + (size_t)loads[i].slot * s->atlas.slot_bytes };
+	(void)bb_bricks_read_many(s->reader, want, n, err); /* each says it for itself */
+	for (size_t i = 0; i < n; i++) {
+		loads[i].failed = want[i].status != BB_OK;
+		if (!loads[i].failed)
+			loads[i].n_odd = bb_atlas_accept(&s->atlas, want[i].out,
+							 s->range + loads[i].slot * blocks_of(&s->atlas));
+	}
 }

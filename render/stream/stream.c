@@ -34,10 +34,10 @@ static void submit_now(struct bb_loader *loader, const struct bb_load *loads, si
 	struct bb_stream *s = bb_container_of(loader, struct bb_stream, now);
 
 	(void)now_ns;
-	for (size_t i = 0; i < n; i++) {
-		s->done[s->n_done] = loads[i];
-		(void)bb_stream_read(s, &s->done[s->n_done++], &s->error);
-	}
+	memcpy(s->done + s->n_done, loads, n * sizeof(*loads));
+	for (size_t i = 0; i < n; i += BB_READ_MOST)
+		bb_stream_read(s, s->done + s->n_done + i, n - i < BB_READ_MOST ? n - i : BB_READ_MOST, &s->error);
+	s->n_done += n;
 }
 
 static size_t collect_now(struct bb_loader *loader, struct bb_load *done, size_t cap, int64_t now_ns)
@@ -124,7 +124,8 @@ static enum bb_status load_root(struct bb_stream *s, struct bb_error *err)
 
 	s->slots.frame++;
 	load.slot = s->root = bb_slots_reserve(&s->slots, 0, &evicted);
-	if (!bb_stream_read(s, &load, err))
+	bb_stream_read(s, &load, 1, err);
+	if (load.failed)
 		return BB_ERR_FORMAT;
 	bb_slots_commit(&s->slots, s->root, false);
 	s->slot_generation[s->root] = ++s->atlas.generation;

@@ -85,6 +85,7 @@ struct bb_stream {
 	uint32_t n_wishes;
 	struct bb_load *load, *done; /* [n_slots] */
 	size_t n_done;         /* of the loader that reads at once */
+	struct bb_bricks_reader *reader;
 	struct bb_loader now;  /* that loader */
 	struct bb_loader *loader;
 	struct bb_sight sight;
@@ -131,8 +132,10 @@ void bb_ask(struct bb_stream *s, const struct bb_stream_frame *frame, struct bb_
 /* memory.c */
 BB_MUST_CHECK enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err);
 void bb_stream_give(struct bb_stream *s);
-/* Reads a brick into its slot's memory; touches nothing else, so any thread may call it. */
-bool bb_stream_read(const struct bb_stream *s, struct bb_load *load, struct bb_error *err);
+#define BB_READ_MOST 32
+/* Reads up to BB_READ_MOST bricks into their slots' memory, by the stream's one reader: one thread at a time. err: the
+ * first one's. */
+void bb_stream_read(struct bb_stream *s, struct bb_load *loads, size_t n, struct bb_error *err);
 
 /* count.c */
 void bb_count_rays(const struct bb_stream *s, const struct bb_view *view, const struct bb_stream_frame *frame,
