@@ -12,6 +12,8 @@
 #include <stdio.h>
 #include <time.h>
 
+#include "hal/clock.h"
+#include "render/stream/io.h"
 #include "render/stream/stream_private.h"
 #include "tests/drawing.h"
 
@@ -389,6 +391,91 @@ static void playing_is_steady(void **ctx)
 	bb_bricks_close(b);
 }
 
+/* ---- a disk that stalls ---- */
+
+#define FRAME_NS (BB_NS_PER_S / 60)
+#define AT_60(seconds) ((seconds) * 60)
+
+/* One frame a call; time in the data goes on by a step in half a second, to and fro. */
+static struct bb_stream_counts at_frame(struct bb_stream *s, const struct bb_view *view, uint32_t i)
+{
+	const uint32_t round = 4 * 30, turn = i % (2 * round);
+	double ahead[4];
+	struct bb_stream_frame f = frame_at(view, (turn <= round ? turn : 2 * round - turn) / 30.0);
+
+	for (uint32_t k = 0; k < 4; k++) {
+		const uint32_t then = (i + (k + 1) * 30) % (2 * round);
+		ahead[k] = (then <= round ? then : 2 * round - then) / 30.0;
+	}
+	f.ahead = ahead;
+	f.n_ahead = 4;
+	f.ahead_frames = 30;
+	f.now_ns = i * FRAME_NS;
+	return bb_stream_frame(s, &f);
+}
+
+/* Thirty seconds without a disk: every part of the volume has a brick in every frame, and two seconds later the picture
+ * lacks no more than it did before. */
+static void a_disk_may_stall_for_half_a_minute(void **ctx)
+{
+	const struct bb_view view = drawing_view(0);
+	struct bb_stream *s = stream_of(600 * 1024, 24);
+	struct bb_stream_disk *disk;
+	uint32_t before = 0, during = 0, after = 0;
+
+	(void)ctx;
+	assert_int_equal(bb_stream_disk_start(s, 50e3, 1, &disk), BB_OK);
+	for (uint32_t i = 0; i < AT_60(60); i++) {
+		bb_stream_disk_stall(disk, i >= AT_60(10) && i < AT_60(40), i * FRAME_NS);
+		const uint32_t missing = at_frame(s, &view, i).missing;
+		uint32_t *most = i < AT_60(10) ? &before : i < AT_60(40) ? &during : &after;
+		if ((i > AT_60(2) && i < AT_60(40)) || i >= AT_60(42))
+			*most = missing > *most ? missing : *most;
+		if (i % 50 == 0)
+			check(s, 600 * 1024);
+	}
+	printf("missing at most: %u before, %u while the disk stood still, %u from two seconds after\n", before, during, after);
+	assert_true(during > 2 * before && after <= before);
+	bb_stream_disk_stop(disk);
+	bb_stream_destroy(s);
+}
+
+static double cpu_s(void)
+{
+	struct timespec t;
+
+	clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+	return (double)t.tv_sec + (double)t.tv_nsec * 1e-9;
+}
+
+/* The same with a real thread that is held: frames go on, nothing of what it may write to is drawn. */
+static void a_thread_reads_and_may_be_held(void **ctx)
+{
+	const struct bb_view view = drawing_view(0);
+	struct bb_stream *s = stream_of(600 * 1024, 24);
+	struct bb_stream_io *io;
+	const double begin_s = cpu_s();
+
+	(void)ctx;
+	assert_int_equal(bb_stream_io_start(s, &io), BB_OK);
+	for (uint32_t i = 0; i < 900; i++) {
+		if (i == 300 || i == 600)
+			bb_stream_io_hold(io, i == 300);
+		const struct bb_stream_counts c = at_frame(s, &view, i);
+		assert_true(i < 320 || i >= 600 || c.drawn > 0);
+		if (i % 30 == 0 && i != 300)
+			check(s, 600 * 1024);
+		if (i < 300 && i % 60 == 59)
+			bb_stream_io_drain(io);
+	}
+	bb_stream_io_drain(io);
+	assert_true(cpu_s() - begin_s < 60); /* a hang guard */
+	bb_stream_io_stop(io);
+	check(s, 600 * 1024);
+	assert_int_equal(s->slots.n_pending, 0);
+	bb_stream_destroy(s);
+}
+
 /* ---- trouble ---- */
 
 static void budgets_that_cannot_be_are_refused(void **ctx)
@@ -412,6 +499,53 @@ static void budgets_that_cannot_be_are_refused(void **ctx)
 	err = (struct bb_error){ 0 };
 	assert_true(bb_stream_create(&config, &s, &err) != BB_OK && err.number == 1701);
 	bb_bricks_close(bare);
+}
+
+/* A brick that cannot be read is asked for once; its parent stays on show and everything else is as it was. */
+static void a_damaged_brick_stays_coarse(void **ctx)
+{
+	const char *path = "/tmp/bb-stream-damaged.bricks";
+	const struct bb_build_config c = { .path = path, .edge = 8, .pad = 1, .type = BB_BRICK_U16, .threads = 1,
+					   .memory_bytes = UINT64_C(1) << 28 };
+	const struct bb_view view = drawing_view(0);
+	struct bb_build_config config = c;
+	struct bb_build_report report;
+	struct bb_steps *steps;
+	struct bb_bricks *b;
+	struct bb_error err = { 0 };
+	uint32_t failed = 0;
+
+	(void)ctx;
+	assert_int_equal(bb_steps_of_volume(fixture.volume, &steps, &err), BB_OK);
+	config.steps = steps;
+	assert_int_equal(bb_bricks_build(&config, &report, &err), BB_OK);
+	assert_int_equal(bb_bricks_open(path, &b, &err), BB_OK);
+	const struct bb_tree *t = &bb_bricks_header(b)->tree;
+	FILE *file = fopen(path, "r+b");
+	for (uint32_t node = t->first[t->n_levels - 1]; node < t->n_nodes; node += 5) {
+		const uint64_t id = (uint64_t)bb_tree_leaf_time(t, 1) * t->n_nodes + node;
+		assert_int_equal(fseek(file, (long)bb_bricks_index(b)[id].offset + 7, SEEK_SET), 0);
+		fputc(0x5A, file);
+	}
+	fclose(file);
+	struct bb_bricks *kept = fixture.bricks;
+	fixture.bricks = b;
+	struct bb_stream *s = stream_of(UINT64_C(4) << 20, 0);
+	const struct bb_stream_frame f = frame_at(&view, 1);
+	struct bb_stream_counts n;
+	for (int i = 0; i < 12; i++) {
+		n = bb_stream_frame(s, &f);
+		failed += n.failed;
+	}
+	printf("%u bricks could not be read, %u of %u on show are coarser for it: %s\n", failed, n.missing, n.drawn,
+	       bb_stream_error(s)->text);
+	assert_true(failed > 10 && n.loaded == 0 && n.missing == failed && bb_stream_error(s)->number == 1441);
+	check(s, UINT64_C(4) << 20);
+	bb_stream_destroy(s);
+	fixture.bricks = kept;
+	bb_bricks_close(b);
+	bb_steps_close(steps);
+	unlink(path);
 }
 
 static int setup(void **ctx)
@@ -440,6 +574,9 @@ int main(void)
 		cmocka_unit_test(without_a_budget_everything_is_sharp),
 		cmocka_unit_test(what_nobody_sees_stays_coarse),
 		cmocka_unit_test(playing_is_steady),
+		cmocka_unit_test(a_disk_may_stall_for_half_a_minute),
+		cmocka_unit_test(a_thread_reads_and_may_be_held),
+		cmocka_unit_test(a_damaged_brick_stays_coarse),
 		cmocka_unit_test(budgets_that_cannot_be_are_refused),
 	};
 

@@ -13,7 +13,7 @@
 #define BB_BENCH_LOOP_H
 
 #include "hal/profile.h"
-#include "render/stream/stream.h"
+#include "render/stream/io.h"
 #include "bench/ledger.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
@@ -77,6 +77,9 @@ struct bb_node_machine { /* one node of the room */
 	uint16_t *screens;                /* indices into room->screens */
 	struct bb_profile profile;
 	struct bb_stream *stream;
+	struct bb_stream_io *io;          /* posix: its reader */
+	struct bb_stream_disk *disk;      /* virtual: the model of one */
+	int64_t draw_ns;                  /* of the last frame, without what was uploaded */
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
 	struct bb_timer inbox, ready, hold;

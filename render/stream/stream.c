@@ -233,3 +233,14 @@ uint64_t bb_stream_memory_bytes(const struct bb_stream *s)
 {
 	return s->held_bytes;
 }
+
+const struct bb_error *bb_stream_error(const struct bb_stream *s)
+{
+	return &s->error;
+}
+
+uint64_t bb_stream_failures(const struct bb_stream *s, uint64_t *n_odd)
+{
+	*n_odd = s->n_odd;
+	return s->n_failed;
+}

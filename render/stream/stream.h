@@ -72,6 +72,9 @@ const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);
 /* What a renderer draws; good until the next frame. */
 struct bb_layer bb_stream_layer(const struct bb_stream *s);
 const struct bb_stream_config *bb_stream_config(const struct bb_stream *s);
+/* Why the last brick that failed could not be read, and how many did; values that were out of range, in all bricks read. */
+const struct bb_error *bb_stream_error(const struct bb_stream *s);
+uint64_t bb_stream_failures(const struct bb_stream *s, uint64_t *n_odd);
 uint64_t bb_stream_memory_bytes(const struct bb_stream *s); /* held now under the memory budget */
 
 #endif
