@@ -9,7 +9,7 @@
 #define PI 3.14159265358979323846
 #define LEAST_STEP_VOXELS (1.0 / 64)
 #define MOST_STEP_VOXELS 64.0
-#define AROUND (2 * PI - 1e-6) /* radians: all the way */
+#define AROUND 1e-3 /* radians: what is no farther from all the way goes all the way, as in format.h */
 #define PARALLEL_M 1e-12 /* a direction component below this meets its two planes infinitely far away */
 
 /* Voxels along the edges; a ball's are those of its cube, as wide as it has them along r. */
@@ -104,7 +104,7 @@ void bb_spherical_of(const uint32_t dim[3], const double extent[6], struct bb_sp
 				      .from = { extent[0] / per_r, extent[2], extent[4] },
 				      .per_voxel = { 1, (extent[3] - extent[2]) / dim[1], (extent[5] - extent[4]) / dim[2] },
 				      .dim = { dim[0], dim[1], dim[2] },
-				      .around = extent[5] - extent[4] > AROUND };
+				      .around = fabs(2 * PI - (extent[5] - extent[4])) < AROUND };
 }
 
 bool bb_spherical_at(const struct bb_spherical *s, struct bb_vec3 cube, struct bb_vec3 *grid)
@@ -118,5 +118,7 @@ bool bb_spherical_at(const struct bb_spherical *s, struct bb_vec3 cube, struct b
 	grid->x = (r - s->from[0]) / s->per_voxel[0];
 	grid->y = (theta - s->from[1]) / s->per_voxel[1];
 	grid->z = (phi - s->from[2]) / s->per_voxel[2];
-	return grid->x >= 0 && grid->x <= s->dim[0] && grid->y >= 0 && grid->y <= s->dim[1] && grid->z <= s->dim[2];
+	/* An axis without ends has no outside, however its coordinate is rounded. */
+	return grid->x >= 0 && grid->x <= s->dim[0] && grid->y >= 0 && grid->y <= s->dim[1] &&
+	       (s->around || grid->z <= s->dim[2]);
 }

@@ -74,9 +74,9 @@ static void raw_volume_is_normalised(void **state)
 	assert_int_equal(v->voxels[0], 0);
 	assert_int_equal(v->voxels[3], 65535);
 	assert_int_equal(v->voxels[1], 16384); /* 0.25 * 65535 rounded */
-	assert_int_equal(bb_volume_voxel(v, 1, 1, 2, 1), v->voxels[23]);
-	assert_int_equal(bb_volume_voxel(v, 99, 99, 99, 99), v->voxels[23]);
-	assert_int_equal(bb_volume_voxel(v, -5, -5, INT64_MIN, 0), v->voxels[0]);
+	assert_true(bb_volume_voxel(v, 1, 1, 2, 1) == v->voxels[23] / 65535.0);
+	assert_true(bb_volume_voxel(v, 99, 99, 99, 99) == v->voxels[23] / 65535.0);
+	assert_true(bb_volume_voxel(v, -5, -5, INT64_MIN, 0) == v->voxels[0] / 65535.0);
 	bb_volume_free(v);
 }
 
@@ -140,6 +140,32 @@ static void sampling_is_linear_everywhere(void **state)
 	assert_true(fabs(bb_volume_sample(&v, far, 1e9) - 7100 / 65535.0) < 1e-12);
 }
 
+/* Values of single precision are sampled as they are; a last axis without ends goes on with its first voxel. */
+static void values_and_an_axis_without_ends(void **state)
+{
+	(void)state;
+	float values[2 * 3 * 4];
+	struct bb_volume v = { .dim = { 2, 3, 4 }, .n_steps = 1, .values = values };
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(values); i++)
+		values[i] = (float)(0.1 + 0.03 * (double)i); /* 0.03 x + 0.06 y + 0.18 z */
+	for (int around = 0; around < 2; around++) {
+		v.around = around;
+		assert_true(bb_volume_voxel(&v, 1, 2, 3, 0) == (double)values[23]);
+		assert_true(bb_volume_voxel(&v, 5, -1, 3, 0) == (double)values[19]);
+		assert_true(bb_volume_voxel(&v, 0, 0, 4, 0) == (double)values[around ? 0 : 18]);
+		assert_true(bb_volume_voxel(&v, 0, 0, -1, 0) == (double)values[around ? 18 : 0]);
+		assert_true(bb_volume_voxel(&v, 0, 0, -9, 0) == (double)values[around ? 18 : 0]);
+		const double inside[3] = { 0.25, 1.5, 2.75 }, end[3] = { 0.25, 1.5, 3.25 }, begin[3] = { 0.25, 1.5, -0.75 };
+		const double here = 0.1 + 0.03 * 0.25 + 0.06 * 1.5, last = here + 0.18 * 3;
+		assert_true(fabs(bb_volume_sample(&v, inside, 0) - (here + 0.18 * 2.75)) < 1e-7);
+		assert_true(fabs(bb_volume_sample(&v, end, 0) - (around ? last + (here - last) / 4 : last)) < 1e-7);
+		assert_true(fabs(bb_volume_sample(&v, begin, 0) - (around ? here + (last - here) * 0.75 : here)) < 1e-7);
+		const double odd[3] = { (double)NAN, (double)NAN, (double)NAN };
+		assert_true(bb_volume_sample(&v, odd, 0) >= (double)values[0]);
+	}
+}
+
 static uint64_t fnv(const void *bytes, size_t n)
 {
 	uint64_t h = UINT64_C(14695981039346656037);
@@ -162,7 +188,7 @@ static double mean_within(const struct bb_volume *v, uint32_t step, double from,
 				const double r = sqrt(dx * dx + dy * dy + dz * dz) / half;
 				if (r < from || r >= to)
 					continue;
-				sum += bb_volume_voxel(v, x, y, z, step) / 65535.0;
+				sum += bb_volume_voxel(v, x, y, z, step);
 				n++;
 			}
 	return sum / (double)n;
@@ -183,7 +209,7 @@ static void cme_is_the_same_everywhere_and_flies_out(void **state)
 	for (uint32_t s = 0; s < 5; s++) {
 		assert_true(mean_within(v, s, 0, 0.06) > 0.85);   /* the core stays */
 		assert_true(mean_within(v, s, 1.06, 2) == 0);     /* nothing in the corners */
-		assert_true(bb_volume_voxel(v, 0, 43, 43, s) < 3000);
+		assert_true(bb_volume_voxel(v, 0, 43, 43, s) < 3000 / 65535.0);
 	}
 	assert_true(mean_within(v, 0, 0.2, 0.35) > 2 * mean_within(v, 4, 0.2, 0.35));
 	assert_true(mean_within(v, 4, 0.75, 0.95) > 4 * mean_within(v, 0, 0.75, 0.95));
@@ -218,6 +244,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(raw_types_and_byte_orders_agree, make_folder, remove_folder),
 		cmocka_unit_test_setup_teardown(extreme_values_do_no_harm, make_folder, remove_folder),
 		cmocka_unit_test(sampling_is_linear_everywhere),
+		cmocka_unit_test(values_and_an_axis_without_ends),
 		cmocka_unit_test(cme_is_the_same_everywhere_and_flies_out),
 		cmocka_unit_test(generator_refuses_nonsense),
 	};

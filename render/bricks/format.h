@@ -55,6 +55,14 @@ struct bb_bricks_header {
 	struct bb_bricks_section index, moments;
 };
 
+/* Does phi go all the way round? True of a spherical grid whose extent of phi is 2 pi, to a thousandth. */
+static inline bool bb_bricks_wraps(const struct bb_bricks_header *h)
+{
+	const double short_of = 6.283185307179586 - (h->extent[5] - h->extent[4]);
+
+	return h->grid == BB_BRICK_SPHERICAL && short_of < 1e-3 && short_of > -1e-3;
+}
+
 /* Of one brick as it lies in memory: (edge + 2 pad)^3 values. */
 size_t bb_bricks_brick_bytes(const struct bb_bricks_header *h);
 
