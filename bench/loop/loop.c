@@ -81,6 +81,8 @@ static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_mach
 		return BB_OK;
 	enum bb_status status = bb_stream_create(&c, &n->stream, err);
 	if (!status)
+		bb_node_fill(n);
+	if (!status)
 		status = l->draw_everything
 				 ? bb_stream_io_start(n->stream, &n->io)
 				 : bb_stream_disk_start(n->stream, n->profile.disk_read_ns, n->profile.disk_byte_ns, &n->disk);

@@ -180,6 +180,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_node_fill(struct bb_node_machine *n);
 void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);

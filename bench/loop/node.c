@@ -125,6 +125,20 @@ static void draw_all(struct bb_node_machine *n)
 	}
 }
 
+/* What can be seen from the middle of the room when the scene begins is read during bring-up. */
+void bb_node_fill(struct bb_node_machine *n)
+{
+	const struct bb_message m = { .eyes = { n->loop->room->neutral, BB_QUAT_IDENTITY },
+		                      .navigation = BB_POSE_IDENTITY };
+	const struct bb_display_config *d = &n->loop->room->screens[n->screens[0]].display;
+
+	make_views(n, &m, NULL);
+	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
+		                               .height_px = (uint32_t)d->height_px, .bricks_most = UINT32_MAX,
+		                               .step_voxels = n->loop->scene->data.step_voxels };
+	(void)bb_stream_settle(n->stream, &frame);
+}
+
 /* The first draw compiles shaders and fills textures: that belongs to bring-up, not to the scene. */
 void bb_node_warm_up(struct bb_node_machine *n)
 {

@@ -2,8 +2,8 @@
  * render/stream/plan.c: which bricks should stand for the steps on show and those ahead, if all of them were here: greedy
  * on a heap, as algorithm 1 of Carlsson and Tjernstroem 2016, for several steps and views at once. A brick of the heap
  * stands for a node and the planned steps that fall into its time; a split in space makes up to eight of it, one in time
- * parts its steps. Memory is counted in bricks. What playing may cost is counted for each step: a brick that is good for
- * n steps costs 1/n of a load.
+ * parts its steps. Memory is counted in bricks; so is what must still be read, by the date of the first step it is for:
+ * what cannot be here in time is not planned.
  */
 #include "render/stream/stream_private.h"
 
@@ -11,7 +11,8 @@
 
 #define NO_SPACE 1
 #define NO_TIME 2
-#define STREAM_SHARE 0.85 /* of the streaming budget that playing may use up: the rest is for looking around */
+#define STREAM_SHARE 0.85 /* of the streaming budget that may be planned for: the rest is for what was not foreseen */
+#define HURRY 4.0 /* how fast a step gains weight as it comes nearer: 2^4 in the time of one step */
 
 /* ---- steps ---- */
 
@@ -49,7 +50,7 @@ static void add_ahead(struct bb_stream *s, const struct bb_stream_frame *f, doub
 	for (size_t i = 0; i < f->n_ahead && i < 4; i++) {
 		const double t = clamped(f->ahead[i], s->tree->n_steps), units = (double)i + left;
 		const uint32_t due = (uint32_t)fmax(1, units * f->ahead_frames);
-		const float weight = (float)exp2(-units);
+		const float weight = (float)exp2(-HURRY * units);
 		add_step(p, (uint32_t)t, due, weight);
 		add_step(p, next_to(s, t, way), due, weight);
 	}
@@ -60,24 +61,19 @@ void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *f)
 	struct bb_plan *p = &s->plan;
 	const double now = clamped(f->step, s->tree->n_steps), part = now - floor(now);
 	const double next = f->n_ahead ? clamped(f->ahead[0], s->tree->n_steps) : now;
-	const uint32_t frames = f->ahead_frames ? f->ahead_frames : 1;
 	const bool back = fabs(next - (now - 1)) < 1e-6; /* else on, or a jump that comes when this step is over */
 
 	p->n_steps = p->n_ahead = 0;
-	p->stream_most = (double)INFINITY;
 	/* The one that goes has faded to nothing before it drops out of the plan. */
 	add_step(p, (uint32_t)now, 0, (float)(next == now || back ? 1 : (1 - part) * (1 - part)));
 	add_step(p, (uint32_t)ceil(now), 0, (float)(back && part > 0 ? part * part : 1));
 	p->n_shown = p->n_steps;
-	if (next == now)
-		return;
-	if (s->config.bricks_per_frame)
-		p->stream_most = STREAM_SHARE * s->config.bricks_per_frame * frames;
-	if (s->config.no_prediction)
+	if (next == now || s->config.no_prediction)
 		return;
 	if (part == 0)
 		add_step(p, next_to(s, now, back ? -1 : 1), 0, 1);
 	p->n_ahead = (uint32_t)f->n_ahead;
+	p->grace = f->ahead_frames / 4 + 1;
 	add_ahead(s, f, back && part > 0 ? part : 1 - part, back ? -1 : 1);
 }
 
@@ -155,19 +151,28 @@ static struct bb_target pop(struct bb_plan *p)
 
 /* ---- splits ---- */
 
-static bool affordable(const struct bb_plan *p, uint8_t steps, double more)
+/* The soonest of them: steps stand in the order of their dates. */
+static uint32_t first_of(uint8_t steps)
 {
-	for (uint32_t i = 0; i < p->n_steps; i++)
-		if (steps >> i & 1 && p->stream[i] + more > p->stream_most)
+	return (uint32_t)__builtin_ctz(steps);
+}
+
+/* Can so many bricks more for these steps be here in time, beside those that others need by then? */
+static bool affordable(const struct bb_plan *p, uint8_t steps, uint32_t n)
+{
+	double sum = n;
+
+	for (uint32_t i = 0; n && i < p->n_steps; i++) {
+		sum += p->stream[i];
+		if (i >= first_of(steps) && sum > p->stream_most[i])
 			return false;
+	}
 	return true;
 }
 
-static void pay(struct bb_plan *p, uint8_t steps, double more)
+static uint32_t missing(const struct bb_stream *s, uint32_t node, uint32_t tau)
 {
-	for (uint32_t i = 0; i < p->n_steps; i++)
-		if (steps >> i & 1)
-			p->stream[i] += more;
+	return bb_slots_find(&s->slots, bb_stream_brick(s, node, tau)) == BB_NO_SLOT;
 }
 
 static uint32_t in_use(const struct bb_plan *p)
@@ -178,14 +183,14 @@ static uint32_t in_use(const struct bb_plan *p)
 static bool split_space(struct bb_stream *s, const struct bb_target *t)
 {
 	struct bb_plan *p = &s->plan;
-	const struct bb_tree_span span = bb_tree_span(s->tree, t->tau);
-	uint32_t child[8];
+	uint32_t child[8], n_missing = 0;
 	const uint32_t n = bb_tree_children(s->tree, t->node, child);
-	const double more = (double)(n - 1) / (span.to - span.from);
 
-	if (in_use(p) + n > p->target_most || !affordable(p, t->steps, more))
+	for (uint32_t i = 0; i < n; i++)
+		n_missing += missing(s, child[i], t->tau);
+	if (in_use(p) + n > p->target_most || !affordable(p, t->steps, n_missing))
 		return false;
-	pay(p, t->steps, more);
+	p->stream[first_of(t->steps)] += n_missing;
 	for (uint32_t i = 0; i < n; i++)
 		push(s, (struct bb_target){ .node = child[i], .tau = t->tau, .rank = t->points, .steps = t->steps });
 	return true;
@@ -201,18 +206,15 @@ static bool split_time(struct bb_stream *s, const struct bb_target *t)
 	for (uint32_t i = 0; i < p->n_steps; i++)
 		if (t->steps >> i & 1)
 			half[p->step[i] >= middle] |= (uint8_t)(1U << i);
-	for (int k = 0; k < 2; k++) {
-		const uint32_t length = k ? span.to - middle : middle - span.from;
-		if (half[k] && !affordable(p, half[k], 1.0 / length - 1.0 / (span.to - span.from)))
+	for (int k = 0; k < 2; k++)
+		if (half[k] && !affordable(p, half[k], missing(s, t->node, span.child[k])))
 			return false;
-	}
 	if (in_use(p) + (half[0] != 0) + (half[1] != 0) > p->target_most)
 		return false;
 	for (int k = 0; k < 2; k++) {
-		const uint32_t length = k ? span.to - middle : middle - span.from;
 		if (!half[k])
 			continue;
-		pay(p, half[k], 1.0 / length - 1.0 / (span.to - span.from));
+		p->stream[first_of(half[k])] += missing(s, t->node, span.child[k]);
 		push(s, (struct bb_target){ .node = t->node, .tau = span.child[k], .rank = t->points, .steps = half[k] });
 	}
 	return true;
@@ -231,6 +233,19 @@ static void plan_all(struct bb_stream *s)
 						       .steps = (uint8_t)(1U << i) });
 }
 
+/* Bricks that can be read until a step is on show, and a quarter of a step longer. At rest there is no date. */
+static void plan_reading(struct bb_stream *s)
+{
+	struct bb_plan *p = &s->plan;
+
+	for (uint32_t i = 0; i < p->n_steps; i++) {
+		p->stream[i] = 0;
+		p->stream_most[i] = (double)INFINITY;
+		if (p->n_ahead && s->config.bricks_per_frame)
+			p->stream_most[i] = STREAM_SHARE * s->config.bricks_per_frame * (p->due[i] + p->grace);
+	}
+}
+
 void bb_plan_make(struct bb_stream *s)
 {
 	struct bb_plan *p = &s->plan;
@@ -240,8 +255,7 @@ void bb_plan_make(struct bb_stream *s)
 		plan_all(s);
 		return;
 	}
-	for (uint32_t i = 0; i < p->n_steps; i++)
-		p->stream[i] = 1.0 / s->tree->n_steps;
+	plan_reading(s);
 	push(s, (struct bb_target){ .steps = (uint8_t)((1U << p->n_steps) - 1), .rank = INFINITY });
 	while (p->n_heap) {
 		struct bb_target t = pop(p);

@@ -55,11 +55,11 @@ struct bb_plan {
 	uint32_t step[BB_STEPS_MOST], n_steps, n_shown, n_ahead;
 	uint32_t due[BB_STEPS_MOST]; /* frames until a step is on show */
 	float weight[BB_STEPS_MOST];
-	double stream_most; /* bricks a step that playing may cost; INFINITY: no limit */
 	uint32_t target_most;
 	struct bb_target *heap, *target; /* [n_slots + 8] each */
 	uint32_t n_heap, n_targets;
-	double stream[BB_STEPS_MOST];
+	uint32_t grace; /* frames a brick may be late */
+	double stream[BB_STEPS_MOST], stream_most[BB_STEPS_MOST]; /* to be read by then; may be at most */
 };
 
 struct bb_wish { /* a brick to ask for */

@@ -103,14 +103,14 @@ static void sort(struct bb_wish *w, uint32_t n)
  * another: the steepest line from here to any date. A quarter of a step is added to each: for so long what is on show may
  * be a little coarser, and a plan that turned to other bricks does not make a burst.
  */
-static uint32_t pace(const struct bb_stream *s, const struct bb_stream_frame *f)
+static uint32_t pace(const struct bb_stream *s)
 {
 	uint32_t most = 0;
 
 	if (!s->plan.n_ahead)
 		return UINT32_MAX;
 	for (uint32_t i = 0; i < s->n_wishes; i++) {
-		const uint32_t due = s->wish[i].due + f->ahead_frames / 4 + 1;
+		const uint32_t due = s->wish[i].due + s->plan.grace;
 		if (i + 1 < s->n_wishes && s->wish[i + 1].due == s->wish[i].due)
 			continue;
 		const uint32_t each = (i + due) / due;
@@ -141,7 +141,7 @@ void bb_ask(struct bb_stream *s, const struct bb_stream_frame *f, struct bb_stre
 	uint32_t budget = s->config.bricks_per_frame ? s->config.bricks_per_frame : UINT32_MAX, n = 0;
 
 	sort(s->wish, s->n_wishes);
-	const uint32_t paced = pace(s, f);
+	const uint32_t paced = pace(s);
 	budget = f->bricks_most < budget ? f->bricks_most : budget;
 	budget = paced < budget ? paced : budget;
 	for (uint32_t i = 0; i < s->n_wishes && n < budget; i++) {
