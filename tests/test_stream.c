@@ -202,6 +202,7 @@ static void wander_on(struct wander *w)
 	for (int i = 0; i < 4; i++)
 		ahead[i] = w->step + (i + 1) * (w->speed > 0 ? 1 : -1);
 	f.step = w->step;
+	f.way = w->speed > 0 ? 1 : w->speed < 0 ? -1 : 0;
 	f.n_views = dice(3);
 	f.ahead = ahead;
 	f.n_ahead = dice(5);
@@ -325,6 +326,7 @@ static struct played play(struct bb_stream *s, const struct bb_view *view, uint3
 		double ahead[4];
 		for (uint32_t k = 0; k < 4; k++)
 			ahead[k] = (double)((i + (k + 1) * frames_per_step) % round) / frames_per_step;
+		f.way = 1;
 		f.ahead = ahead;
 		f.n_ahead = 4;
 		f.ahead_frames = frames_per_step;
@@ -407,6 +409,7 @@ static struct bb_stream_counts at_frame(struct bb_stream *s, const struct bb_vie
 		const uint32_t then = (i + (k + 1) * 30) % (2 * round);
 		ahead[k] = (then <= round ? then : 2 * round - then) / 30.0;
 	}
+	f.way = turn < round ? 1 : -1;
 	f.ahead = ahead;
 	f.n_ahead = 4;
 	f.ahead_frames = 30;
