@@ -3,24 +3,25 @@
  * each read goes to a staging memory that stays in the second cache; from there a plain brick is copied to its place
  * past the caches while its CRC is made, and a packed one is unpacked. Reading straight into the slots was slower: the
  * kernel's copy has to fetch every line of the slot first.
- *
- * The file is never mapped: one that shrinks would be a SIGBUS, here it is a short read.
  */
-#define _GNU_SOURCE /* preadv2, O_DIRECT */
+#define _GNU_SOURCE /* O_DIRECT */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/uio.h>
 #include <unistd.h>
 
 #include "render/bricks/bricks_private.h"
 #include "render/bricks/crc32c.h"
 #include "render/bricks/values.h"
 
-#define PIECE_BYTES (256u << 10)   /* of one read: staging and slot lines fit the second cache */
-#define PAGE_BYTES 4096u           /* what direct reads are multiples of */
+#ifdef BB_FUZZ
+#define PIECE_BYTES 1024u /* so that small bricks can be large ones */
+#else
+#define PIECE_BYTES (256u << 10) /* of one read: the staging memory stays in the second cache */
+#endif
+#define PAGE_BYTES 4096u             /* what direct reads are multiples of */
 #define GAP_CACHED_BYTES (8u << 10)  /* unwanted bytes that cost less than a system call */
 #define GAP_DIRECT_BYTES (32u << 10) /* and less than one more access to the disk */
 #define PROBE_EVERY 8 /* runs; of these the first is asked for only if it is in the cache already */
@@ -225,7 +226,7 @@ static void tell_ahead(struct bb_bricks_reader *r, uint32_t now)
 		r->n_told = now;
 	for (; r->n_told < r->n_runs && r->n_told < now + AHEAD; r->n_told++) {
 		const struct run *u = &r->runs[r->n_told];
-		(void)posix_fadvise(r->fd, (off_t)u->from, u->bytes, POSIX_FADV_WILLNEED);
+		bb_bricks_file_expect(r->fd, u->bytes, u->from);
 	}
 }
 
@@ -233,7 +234,7 @@ static void tell_ahead(struct bb_bricks_reader *r, uint32_t now)
 static size_t probe(struct bb_bricks_reader *r, uint32_t now)
 {
 	const struct run *u = &r->runs[now];
-	const ssize_t got = preadv2(r->fd, &(struct iovec){ r->stage, u->bytes }, 1, (off_t)u->from, RWF_NOWAIT);
+	const ssize_t got = bb_bricks_file_peek(r->fd, r->stage, u->bytes, u->from);
 
 	r->counts.reads++;
 	if (got < 0 && errno != EAGAIN)
@@ -253,7 +254,7 @@ static size_t fetch(struct bb_bricks_reader *r, uint64_t from, size_t n, size_t 
 	*out = r->stage + before;
 	*failure = 0;
 	while (done < want) {
-		const ssize_t got = pread(r->fd, r->stage + done, want - done, (off_t)(begin + done));
+		const ssize_t got = bb_bricks_file_read(r->fd, r->stage + done, want - done, begin + done);
 		r->counts.reads++;
 		if (got < 0 && errno == EINTR)
 			continue;
