@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include "render/bricks/bricks_private.h"
@@ -17,10 +18,13 @@
 #include "render/bricks/values.h"
 
 #ifdef BB_FUZZ
-#define PIECE_BYTES 1024u /* so that small bricks can be large ones */
+#define PIECE_CACHED_BYTES 1024u /* so that small bricks can be large ones */
+#define PIECE_DIRECT_BYTES 1024u
 #else
-#define PIECE_BYTES (256u << 10) /* of one read: the staging memory stays in the second cache */
+#define PIECE_CACHED_BYTES (256u << 10) /* of one read: the staging memory stays in the second cache */
+#define PIECE_DIRECT_BYTES (1u << 20)   /* a disk waits longer for each read than for its bytes */
 #endif
+#define HUGE_BYTES (2u << 20)
 #define PAGE_BYTES 4096u             /* what direct reads are multiples of */
 #define GAP_CACHED_BYTES (8u << 10)  /* unwanted bytes that cost less than a system call */
 #define GAP_DIRECT_BYTES (32u << 10) /* and less than one more access to the disk */
@@ -57,10 +61,10 @@ struct bb_bricks_reader {
 /* ---- a reader ---- */
 
 /* The most a run may have: a piece, but a packed brick must fit, and no more than the batch can ask for. */
-static size_t piece_of(const struct bb_bricks *b, uint32_t most)
+static size_t piece_of(const struct bb_bricks *b, uint32_t most, bool direct)
 {
-	const size_t n = bb_bricks_brick_bytes(&b->h), cap = bb_values_packed_cap(b->h.codec, n);
-	const size_t all = cap * most, piece = all < PIECE_BYTES ? all : PIECE_BYTES;
+	const size_t n = bb_bricks_brick_bytes(&b->h), cap = bb_values_packed_cap(b->h.codec, n), all = cap * most;
+	const size_t usual = direct ? PIECE_DIRECT_BYTES : PIECE_CACHED_BYTES, piece = all < usual ? all : usual;
 
 	return b->h.codec != BB_BRICK_PLAIN && cap > piece ? cap : piece;
 }
@@ -70,14 +74,27 @@ static size_t up(size_t n)
 	return (n + PAGE_BYTES - 1) / PAGE_BYTES * PAGE_BYTES;
 }
 
+/* A disk reads twice as fast into one huge page as into scattered small ones: its list of where the bytes go is short. */
+static uint8_t *stage_of(size_t *n, bool direct)
+{
+	const bool huge = direct && *n > HUGE_BYTES / 16;
+	const size_t align = huge ? HUGE_BYTES : PAGE_BYTES;
+
+	*n = (*n + align - 1) / align * align;
+	uint8_t *stage = aligned_alloc(align, *n);
+	if (stage && huge)
+		(void)madvise(stage, *n, MADV_HUGEPAGE);
+	return stage;
+}
+
 static bool hold(struct bb_bricks_reader *r)
 {
-	const size_t stage = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	size_t stage = up(r->piece_bytes) + 2 * PAGE_BYTES;
 
 	r->keys = calloc(r->most, sizeof(*r->keys));
 	r->spare = calloc(r->most, sizeof(*r->spare));
 	r->runs = calloc(r->most, sizeof(*r->runs));
-	r->stage = aligned_alloc(PAGE_BYTES, stage);
+	r->stage = stage_of(&stage, r->direct);
 	if (!r->keys || !r->spare || !r->runs || !r->stage || !bb_unpacker_init(&r->unpacker, r->b->h.codec))
 		return false;
 	r->held_bytes = sizeof(*r) + stage + r->most * (2 * sizeof(*r->keys) + sizeof(*r->runs)) +
@@ -100,7 +117,7 @@ enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most,
 					.can_probe = way == BB_BRICKS_CACHED,
 					.most = most < 1 ? 1 : most > BB_BRICKS_BATCH_MOST ? BB_BRICKS_BATCH_MOST : most,
 					.gap_bytes = way == BB_BRICKS_DIRECT ? GAP_DIRECT_BYTES : GAP_CACHED_BYTES };
-	r->piece_bytes = (uint32_t)piece_of(b, r->most);
+	r->piece_bytes = (uint32_t)piece_of(b, r->most, r->direct);
 	if (r->direct) { /* the same file, whatever its name means by now */
 		char self[32];
 		snprintf(self, sizeof(self), "/proc/self/fd/%d", b->fd);
