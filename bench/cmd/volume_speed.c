@@ -222,7 +222,7 @@ static double rate(struct speed *s, enum way way, unsigned threads, bool unpacke
 
 struct row {
 	const char *what, *peer, *order;
-	unsigned threads;
+	unsigned threads, peer_threads;
 	double bytes_s, peer_bytes_s, ratio, least, most, must; /* medians; must 0: none is set */
 };
 
@@ -237,7 +237,7 @@ static void compare(struct speed *s, enum way peer, enum way way, bool unpacked,
 	double a[ROUNDS_MOST], b[ROUNDS_MOST], ratio[ROUNDS_MOST];
 
 	for (unsigned i = 0; i < rounds; i++) {
-		a[i] = rate(s, peer, out->threads, unpacked);
+		a[i] = rate(s, peer, out->peer_threads, unpacked);
 		b[i] = rate(s, way, out->threads, unpacked);
 		ratio[i] = b[i] / a[i];
 	}
@@ -270,6 +270,7 @@ static void warm_rows(struct speed *s, const char *what, const char *order, unsi
 					   codec == BB_BRICK_LZ4   ? "liblz4 from memory" :
 								     "libzstd from memory",
 				   .threads = threads,
+				   .peer_threads = threads,
 				   .must = codec == BB_BRICK_PLAIN ? 0.8 : codec == BB_BRICK_LZ4 ? 0.85 : 0 };
 		compare(s, FROM_MEMORY, THROUGH_CACHE, true, rounds, r);
 		if (codec == BB_BRICK_PLAIN) {
@@ -277,7 +278,8 @@ static void warm_rows(struct speed *s, const char *what, const char *order, unsi
 			*r = (struct row){ .what = "  pread to its place, unchecked",
 					   .order = order,
 					   .peer = "memcpy",
-					   .threads = threads };
+					   .threads = threads,
+					   .peer_threads = threads };
 			compare(s, FROM_MEMORY, UNCHECKED, true, rounds, r);
 		}
 		if (threads == s->most_threads)
@@ -285,21 +287,26 @@ static void warm_rows(struct speed *s, const char *what, const char *order, unsi
 	}
 }
 
+/* Beside one reader that reads the file in order, and beside as many. */
 static void cold_rows(struct speed *s, const char *order, unsigned rounds, struct row *rows, size_t *n)
 {
-	for (unsigned readers = 1;; readers = s->depth) {
-		for (int cached = 0; cached < 2; cached++) {
+	static const struct {
+		enum way way;
+		const char *what;
+	} ways[] = { { COLD_DIRECT, "cold, O_DIRECT" }, { COLD_CACHED, "cold, dropped from the page cache" } };
+	const unsigned readers[][2] = { { 1, 1 }, { s->depth, 1 }, { s->depth, s->depth } };
+
+	for (size_t i = 0; i < (s->depth > 1 ? BB_ARRAY_LEN(readers) : 1); i++)
+		for (size_t k = 0; k < BB_ARRAY_LEN(ways); k++) {
 			struct row *r = &rows[(*n)++];
-			*r = (struct row){ .what = cached ? "cold, dropped from the page cache" : "cold, O_DIRECT",
+			*r = (struct row){ .what = ways[k].what,
 					   .order = order,
-					   .peer = "disk, 1 MiB in order",
-					   .threads = readers,
-					   .must = s->n_brick > 100000 ? 0.9 : 0 };
-			compare(s, SEQUENTIAL, cached ? COLD_CACHED : COLD_DIRECT, false, rounds, r);
+					   .peer = "disk, in order",
+					   .threads = readers[i][0],
+					   .peer_threads = readers[i][1],
+					   .must = s->n_brick > 100000 && i == 1 ? 0.9 : 0 };
+			compare(s, SEQUENTIAL, ways[k].way, false, rounds, r);
 		}
-		if (readers == s->depth)
-			return;
-	}
 }
 
 static int tell_json(const struct speed *s, const struct row *rows, size_t n)
@@ -314,9 +321,9 @@ static int tell_json(const struct speed *s, const struct row *rows, size_t n)
 	for (size_t i = 0; i < n; i++) {
 		const struct row *r = &rows[i];
 		json_array_append_new(list,
-				      json_pack("{s:s, s:s, s:s, s:i, s:f, s:f, s:f, s:f, s:f, s:f}", "what", r->what,
-						"against", r->peer, "order", r->order, "threads", (int)r->threads,
-						"bytes_s", r->bytes_s, "against_bytes_s", r->peer_bytes_s, "ratio",
+				      json_pack("{s:s, s:s, s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f}", "what",
+						r->what, "against", r->peer, "order", r->order, "readers",
+						(int)r->threads, "against_readers", (int)r->peer_threads, "bytes_s", r->bytes_s, "against_bytes_s", r->peer_bytes_s, "ratio",
 						r->ratio, "ratio_least", r->least, "ratio_most", r->most, "must",
 						r->must));
 	}
@@ -333,13 +340,15 @@ static int tell(const struct bb_cli *cli, const struct speed *s, const struct ro
 	       "medians of %u rounds\n",
 	       h->tree.edge, h->pad, bb_brick_type_text(h->type), bb_brick_codec_text(h->codec), s->n,
 	       (double)s->stored_bytes / 1048576, s->batch, rounds);
-	printf("%-34s %-7s %7s %8s  %-20s %8s %6s %15s %5s\n", "what", "order", "threads", "GB/s", "against", "GB/s",
-	       "ratio", "", "must");
+	printf("%-34s %-7s %7s %7s  %-20s %7s %7s %6s %17s %4s\n", "what", "order", "readers", "GB/s", "against",
+	       "readers", "GB/s", "ratio", "", "must");
 	for (size_t i = 0; i < n; i++) {
 		const struct row *r = &rows[i];
-		printf("%-34s %-7s %7u %8.2f  %-20s %8.2f %6.3f (%.3f .. %.3f) ", r->what, r->order, r->threads,
-		       r->bytes_s * 1e-9, r->peer, r->peer_bytes_s * 1e-9, r->ratio, r->least, r->most);
-		printf(r->must > 0 ? "%5.2f %s\n" : "\n", r->must, r->ratio >= r->must ? "held" : "MISSED");
+		printf("%-34s %-7s %7u %7.2f  %-20s %7u %7.2f %6.3f (%.3f .. %.3f)", r->what, r->order, r->threads,
+		       r->bytes_s * 1e-9, r->peer, r->peer_threads, r->peer_bytes_s * 1e-9, r->ratio, r->least, r->most);
+		if (r->must > 0)
+			printf(" %4.2f %s", r->must, r->ratio >= r->must ? "held" : "MISSED");
+		putchar('\n');
 	}
 	if (s->direct_fd < 0)
 		printf("no cold rows: this file system has no direct reads\n");
@@ -444,7 +453,7 @@ static int command(const struct bb_cli *cli)
 	double mib = 0, rounds = 0, batch = 0, threads = 0, depth = 0, seed = 0;
 	struct bb_error err = { 0 };
 	struct bb_bricks *b = NULL;
-	struct row rows[24];
+	struct row rows[32];
 	size_t n = 0;
 
 	enum bb_status status = bb_cli_number(cli, "mib", 256, 1, 1 << 16, &mib, &err);
