@@ -15,7 +15,7 @@ static enum bb_status read_at(const struct bb_bricks *b, uint64_t at, void *buf,
 	const struct bb_where where = { b->path, 0, 0 };
 
 	for (size_t done = 0; done < n;) {
-		const ssize_t got = pread(b->fd, (char *)buf + done, n - done, (off_t)(at + done));
+		const ssize_t got = bb_bricks_file_read(b->fd, (char *)buf + done, n - done, at + done);
 		if (got < 0 && errno == EINTR)
 			continue;
 		if (got < 0)

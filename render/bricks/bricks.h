@@ -45,7 +45,7 @@ struct bb_bricks_counts { /* since the reader was created */
 
 enum bb_bricks_way {
 	BB_BRICKS_CACHED, /* through the page cache; the disk is told ahead of what is not in it */
-	BB_BRICKS_DIRECT  /* O_DIRECT: leaves no trace in it, and keeps the disk as busy as there are readers */
+	BB_BRICKS_DIRECT  /* O_DIRECT: leaves no trace in it, keeps the disk as busy as there are readers; 2 MiB each */
 };
 
 struct bb_bricks_reader;
