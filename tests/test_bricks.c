@@ -167,46 +167,6 @@ static void error_histograms_hold_the_errors(void **state)
 	rig_end(&r);
 }
 
-static void big_means_keep_their_deviation(void **state)
-{
-	static float v[1 << 20];
-	struct bb_moments whole, tree[1 << 11];
-	uint64_t seed = 3;
-	(void)state;
-
-	for (double mean = 0; mean <= 1e6;
-	     mean = mean > 0 ? mean * 100 : 100) { /* oracle nV1: sums of squares lose all of it */
-		long double sum = 0, square = 0;
-		for (size_t i = 0; i < BB_ARRAY_LEN(v); i++) {
-			float g = 0;
-			for (int k = 0; k < 12; k++)
-				g += (float)(rig_random(&seed) % 65536) / 65536;
-			v[i] = (float)(mean + (double)g - 6);
-			sum += (long double)v[i];
-		}
-		for (size_t i = 0; i < BB_ARRAY_LEN(v); i++)
-			square += ((long double)v[i] - sum / BB_ARRAY_LEN(v)) *
-				  ((long double)v[i] - sum / BB_ARRAY_LEN(v));
-		const double want = (double)(square / BB_ARRAY_LEN(v));
-		for (size_t i = 0; i < BB_ARRAY_LEN(tree); i++)
-			bb_moments_of(v + i * 512, 512, &tree[i]);
-		for (size_t n = BB_ARRAY_LEN(tree); n > 1; n /= 2)
-			for (size_t i = 0; i < n / 2; i++) {
-				whole = tree[2 * i];
-				bb_moments_merge(&whole, &tree[2 * i + 1]);
-				tree[i] = whole;
-			}
-		assert_true(fabs(tree[0].m2 / tree[0].n - want) <= 1e-9 * want);
-		float plain = 0, squares = 0;
-		for (size_t i = 0; i < BB_ARRAY_LEN(v); i++) {
-			plain += v[i] / (float)BB_ARRAY_LEN(v);
-			squares += v[i] * v[i] / (float)BB_ARRAY_LEN(v);
-		}
-		print_message("mean %8.0f: variance %.6f, merged %.6f, sum of squares in f32 %.4g\n", mean, want,
-			      tree[0].m2 / tree[0].n, (double)(squares - plain * plain));
-	}
-}
-
 static void a_zero_mean_is_not_infinitely_uneven(void **state)
 {
 	struct bb_moments m = { .n = 4, .mean = 0, .m2 = 4 };
@@ -503,7 +463,6 @@ int main(void)
 		cmocka_unit_test(the_seeds_tree_has_as_many_bricks_as_they_say),
 		cmocka_unit_test(statistics_are_those_of_the_voxels),
 		cmocka_unit_test(error_histograms_hold_the_errors),
-		cmocka_unit_test(big_means_keep_their_deviation),
 		cmocka_unit_test(a_zero_mean_is_not_infinitely_uneven),
 		cmocka_unit_test(histograms_survive_their_coding),
 		cmocka_unit_test(caps_and_threads_do_not_change_the_result),
