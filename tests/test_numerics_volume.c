@@ -178,7 +178,7 @@ static void a_tree_beats_a_sequence(void **state)
 
 /* ---- nV3 ---- */
 
-static const double extremes[] = { 0, 1e-45, 1e-38, 1e-30, 1e-10, 1, 1e10, 1e30, 3e38 };
+static const double extremes[] = { 0, 1e-45, 1e-38, 1e-30, 1e-10, 1, 1e10, 1e30, 3.3e38 };
 
 static void unevenness_is_finite_for_all(void **state)
 {
@@ -190,7 +190,8 @@ static void unevenness_is_finite_for_all(void **state)
 		for (size_t j = 0; j < BB_ARRAY_LEN(extremes); j++)
 			for (int signs = 0; signs < 4; signs++, n++) {
 				const float a = (float)(signs & 1 ? -extremes[i] : extremes[i]),
-					    b = (float)(signs & 2 ? -extremes[j] : extremes[j]);
+					    b = (float)(signs & 2 ? -1.00001 * extremes[j]
+								  : extremes[j]); /* means of nearly 0, too */
 				const float v[8] = { a, b, a, b, b, a, a, b };
 				struct bb_moments m;
 				bb_moments_of(v, 8, &m);
