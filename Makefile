@@ -172,6 +172,12 @@ lint:
 
 bench: all
 	build/blackburst bench --out build/bench.json
+	@$(MAKE) --no-print-directory bench-volume
+
+# Minutes, and GIB x 3.2 of disk (GIB=0: without the large one); no room on the disk is said and is no failure.
+GIB ?= 16
+bench-volume: all
+	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
@@ -207,6 +213,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)
