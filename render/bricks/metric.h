@@ -82,6 +82,12 @@ double bb_metric_deviation_of_row(int row); /* of the first table's */
  */
 BB_MUST_CHECK enum bb_status bb_metric_rate_reference(const struct bb_bricks *b, const struct bb_metric_colours *c,
 						      float *space, float *time, struct bb_error *err);
+/*
+ * In space from the value histograms, for those bricks alone whose values deviate by more than a bin: they need not be
+ * normally distributed. space has the others already (bb_metric_rate).
+ */
+BB_MUST_CHECK enum bb_status bb_metric_rate_histograms(const struct bb_bricks *b, const struct bb_metric_colours *c,
+						       float *space, struct bb_error *err);
 
 /*
  * Scalar metrics (equations 1 to 6): the coefficient of variation as it stands, which is nothing or infinite where the

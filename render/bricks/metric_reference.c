@@ -1,7 +1,7 @@
 /*
  * render/bricks/metric_reference.c: the reference metrics of a whole file in one pass over its leaves. Equations 9 and
  * 12 need the mean before the distances from it; multiplied out, they need sums only, and sums of a node are those of
- * its children, in either tree.
+ * its children, in either tree. A histogram of values gives the same sums, but for what is within a bin.
  */
 #include "render/bricks/metric.h"
 #include "render/bricks/values.h"
@@ -57,10 +57,10 @@ struct work {
 	struct sums *voxel; /* [n_times] */
 };
 
-static void entries_of(const struct bb_metric_colours *c, struct work *w)
+static void entries_of(const struct bb_metric_colours *c, double entry[BB_METRIC_COLOURS][SUMS])
 {
 	for (int j = 0; j < BB_METRIC_COLOURS; j++) {
-		double *e = w->entry[j];
+		double *e = entry[j];
 		for (int k = 0; k < 4; k++)
 			e[k] = (double)c->rgba[j][k];
 		for (int k = 0; k < 3; k++)
@@ -219,7 +219,7 @@ enum bb_status bb_metric_rate_reference(const struct bb_bricks *b, const struct 
 	for (uint32_t tau = 0; !status && tau < w.t->n_times; tau++)
 		w.span[tau] = bb_tree_span(w.t, tau);
 	if (!status) {
-		entries_of(c, &w);
+		entries_of(c, w.entry);
 		status = sum_leaves(&w, err);
 	}
 	if (!status)
@@ -231,4 +231,38 @@ enum bb_status bb_metric_rate_reference(const struct bb_bricks *b, const struct 
 	}
 	give_back(&w);
 	return status;
+}
+
+/* ---- from histograms ---- */
+
+#define WIDE_BINS 1.0 /* a deviation of fewer: what is within a bin is most of it */
+
+enum bb_status bb_metric_rate_histograms(const struct bb_bricks *b, const struct bb_metric_colours *c, float *space,
+					 struct bb_error *err)
+{
+	enum { PER_BIN = BB_METRIC_COLOURS / BB_STATS_BINS };
+	const struct bb_bricks_header *header = bb_bricks_header(b);
+	const double narrow = WIDE_BINS * (header->most - header->least) / BB_STATS_BINS;
+	double entry[BB_METRIC_COLOURS][SUMS], bin[BB_STATS_BINS][SUMS] = { { 0 } };
+
+	entries_of(c, entry);
+	for (int j = 0; j < BB_METRIC_COLOURS; j++)
+		for (int k = 0; k < SUMS; k++)
+			bin[j / PER_BIN][k] += entry[j][k] / PER_BIN;
+	for (uint64_t id = 0; id < header->tree.n_bricks; id++) {
+		if ((double)bb_bricks_moments(b)[id].deviation < narrow)
+			continue;
+		uint16_t h[BB_HIST_KINDS][BB_STATS_BINS];
+		const enum bb_status status = bb_bricks_histograms(b, id, h, err);
+		struct sums s = { 0 };
+		if (status)
+			return status;
+		for (int j = 0; j < BB_STATS_BINS; j++) {
+			s.n += h[BB_HIST_VALUE][j];
+			for (int k = 0; k < SUMS && h[BB_HIST_VALUE][j]; k++)
+				s.of[k] += h[BB_HIST_VALUE][j] * bin[j][k];
+		}
+		space[id] = s.n > 0 ? (float)error_of(&s) : 0;
+	}
+	return BB_OK;
 }

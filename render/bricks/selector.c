@@ -78,6 +78,22 @@ static enum bb_status rate_colour_deviation(const struct bb_bricks *b, const str
 	return rate_colours(b, tf, BB_METRIC_DEVIATION, true, r, err);
 }
 
+/* In time as colour-local. */
+static enum bb_status rate_histograms(const struct bb_bricks *b, const struct bb_transfer *tf, struct bb_ratings *r,
+				      struct bb_error *err)
+{
+	struct bb_metric_colours *c = malloc(sizeof(*c));
+	enum bb_status status = c ? rate_colours(b, tf, BB_METRIC_RATIO, true, r, err)
+				  : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "colours");
+
+	if (!status) {
+		bb_metric_colours(tf, c);
+		status = bb_metric_rate_histograms(b, c, r->space, err);
+	}
+	free(c);
+	return status;
+}
+
 static enum bb_status rate_reference(const struct bb_bricks *b, const struct bb_transfer *tf, struct bb_ratings *r,
 				     struct bb_error *err)
 {
@@ -148,6 +164,8 @@ const struct bb_selector bb_selectors[] = {
 	  by_tolerance },
 	{ "colour-local", "the same, in time by what the values there would show", BB_NEEDS_MOMENTS, true,
 	  rate_colour_local, by_tolerance },
+	{ "colour-histogram", "the same, in space by the histogram of values", BB_NEEDS_HISTOGRAMS, true,
+	  rate_histograms, by_tolerance },
 	{ "colour-deviation", "the same, divided by nothing", BB_NEEDS_MOMENTS, true, rate_colour_deviation,
 	  by_tolerance },
 	{ "opacity", "budget: the most visible first", BB_NEEDS_HISTOGRAMS, false, rate_opacity, by_budget },
