@@ -4,7 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const names[] = { "opacity", "leaf", "child", "opacity-lab", "leaf-lab", "child-lab", "uniform" };
+static const char *const names[] = { "opacity",  "leaf",      "child",   "far",    "opacity-lab",
+				     "leaf-lab", "child-lab", "far-lab", "uniform" };
 
 struct budgets {
 	struct bb_tables *t;

@@ -108,8 +108,12 @@ static enum bb_status fill(struct bb_look *l, const struct bb_choice *c, struct 
 	const double per = h->most > h->least ? 1 / (h->most - h->least) : 0;
 	const struct part p = part_of(h, c->node);
 	const size_t n = (size_t)p.side * p.side * p.side;
-	const float mean = (float)(((double)bb_bricks_moments(l->b)[id].mean - h->least) * per);
+	float mean = bb_bricks_moments(l->b)[id].mean;
 
+	/* As a voxel of that value would be stored: or what is one value anyway would look different. */
+	bb_values_store(h, &mean, 1, l->stored);
+	bb_values_load(h, l->stored, 1, &mean);
+	mean = (float)(((double)mean - h->least) * per);
 	if (!c->flat) {
 		const enum bb_status status = bb_bricks_read(l->b, id, l->stored, err);
 		if (status)

@@ -23,6 +23,7 @@ struct greedy {
 	size_t n_heap;
 	struct bb_choice *out;
 	size_t n_out;
+	bool time_is_free;
 };
 
 static float points(const struct greedy *g, const struct bb_choice *c)
@@ -48,11 +49,21 @@ static void swap(struct bb_choice *a, struct bb_choice *b)
 	*b = keep;
 }
 
+/* Into that half of its time that has the step. */
+static uint32_t half_of(const struct greedy *g, uint32_t tau)
+{
+	const struct bb_tree_span s = bb_tree_span(g->t, tau);
+
+	return s.child[g->step >= bb_tree_span(g->t, s.child[1]).from];
+}
+
 /* Onto the heap while there is something to split it into, else it is chosen. */
 static void push(struct greedy *g, struct bb_choice c)
 {
 	size_t i = g->n_heap;
 
+	while (g->time_is_free && g->time[id_of(g->t, &c)] > 0)
+		c.tau = half_of(g, c.tau);
 	if (!(points(g, &c) > 0)) {
 		c.flat = false;
 		g->out[g->n_out++] = c;
@@ -89,7 +100,7 @@ static double loads(const struct bb_tree *t, const struct bb_tree_span *s)
 size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const float *time, uint32_t step,
 			   const struct bb_choose_budget *budget, struct bb_choice *heap, struct bb_choice *out)
 {
-	struct greedy g = { t, space, time, step, heap, 0, out, 0 };
+	struct greedy g = { t, space, time, step, heap, 0, out, 0, !(budget->stream_bricks > 0) };
 	const double stream_most = budget->stream_bricks > 0 ? budget->stream_bricks * t->n_steps : (double)INFINITY;
 	double stream = 1;
 	uint64_t memory = 1;
@@ -101,8 +112,8 @@ size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const fl
 		const uint64_t id = id_of(t, &c);
 		const struct bb_tree_span s = bb_tree_span(t, c.tau);
 		if (c.flat || time[id] >= space[id]) {
-			const uint32_t half = step >= bb_tree_span(t, s.child[1]).from;
-			const struct bb_tree_span to = bb_tree_span(t, s.child[half]);
+			const uint32_t half = half_of(&g, c.tau);
+			const struct bb_tree_span to = bb_tree_span(t, half);
 			const double more = loads(t, &to) - loads(t, &s);
 			c.flat = false;
 			if (stream + more > stream_most) {
@@ -110,7 +121,7 @@ size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const fl
 				continue;
 			}
 			stream += more;
-			push(&g, (struct bb_choice){ .node = c.node, .tau = s.child[half] });
+			push(&g, (struct bb_choice){ .node = c.node, .tau = half });
 			continue;
 		}
 		const uint32_t n = bb_tree_children(t, c.node, child);

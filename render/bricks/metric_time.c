@@ -12,6 +12,7 @@
 #define TIME_EVERY 3      /* rows of the spatial table for one of ours, along the deviation over time */
 #define DEVIATION_EVERY 4 /* along the deviation within the brick */
 #define REACH 4.0         /* deviations */
+#define LEAST_ERROR 1e-9
 #define LOOKS 8.0         /* what is seen less than once in so many steps is seen in as many times fewer voxels */
 
 static int nearest_column(int mean)
