@@ -24,13 +24,15 @@ struct greedy {
 	struct bb_choice *out;
 	size_t n_out;
 	bool time_is_free;
+	const float *weight;
 };
 
 static float points(const struct greedy *g, const struct bb_choice *c)
 {
 	const uint64_t id = id_of(g->t, c);
+	const float own = c->flat || g->time[id] >= g->space[id] ? g->time[id] : g->space[id];
 
-	return c->flat || g->time[id] >= g->space[id] ? g->time[id] : g->space[id];
+	return g->weight ? own * g->weight[c->node] : own;
 }
 
 /* Does a come before b? */
@@ -62,7 +64,7 @@ static void push(struct greedy *g, struct bb_choice c)
 {
 	size_t i = g->n_heap;
 
-	while (g->time_is_free && g->time[id_of(g->t, &c)] > 0)
+	while (g->time_is_free && g->time[id_of(g->t, &c)] > 0 && (!g->weight || g->weight[c.node] > 0))
 		c.tau = half_of(g, c.tau);
 	if (!(points(g, &c) > 0)) {
 		c.flat = false;
@@ -100,7 +102,7 @@ static double loads(const struct bb_tree *t, const struct bb_tree_span *s)
 size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const float *time, uint32_t step,
 			   const struct bb_choose_budget *budget, struct bb_choice *heap, struct bb_choice *out)
 {
-	struct greedy g = { t, space, time, step, heap, 0, out, 0, !(budget->stream_bricks > 0) };
+	struct greedy g = { t, space, time, step, heap, 0, out, 0, !(budget->stream_bricks > 0), budget->weight };
 	const double stream_most = budget->stream_bricks > 0 ? budget->stream_bricks * t->n_steps : (double)INFINITY;
 	double stream = 1;
 	uint64_t memory = 1;
@@ -219,7 +221,7 @@ struct optimum {
 	struct bb_choice *out;
 	const uint32_t *tau; /* [node]: the time node that is best alone */
 	size_t n;
-	bool failed;          /* no memory */
+	bool failed; /* no memory */
 };
 
 /* Children one after another: joined[c][k] is the best of the first c + 1 with k + 1 bricks. */

@@ -16,6 +16,8 @@ struct bb_choose_budget {
 	uint32_t memory_bricks; /* at most so many at a time */
 	/* On average at most so many new ones a step, if the whole sequence were played; 0: no limit. */
 	double stream_bricks;
+	/* [n_nodes]: what to multiply points with (bb_sight_weights, several views at once); NULL: 1. Borrowed. */
+	const float *weight;
 };
 
 /* So many choices at most, in any case. */
