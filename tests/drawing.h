@@ -28,7 +28,8 @@ static inline struct bb_volume *drawing_volume(uint32_t nx, uint32_t ny, uint32_
 	if (!out)
 		abort();
 	*v = (struct bb_volume){
-		.name = "formula", .dim = { nx, ny, nz }, .n_steps = n_steps, .most = 1, .voxels = out
+		.name = "formula", .dim = { nx, ny, nz }, .n_steps = n_steps, .spacing_mm = { 1, 1, 1 }, .most = 1,
+		.voxels = out
 	};
 	for (uint32_t t = 0; t < n_steps; t++)
 		for (uint32_t z = 0; z < nz; z++)
