@@ -20,7 +20,7 @@ struct tiles { /* of one picture; constant but for the counts */
 	const struct bb_mesh_scene *meshes; /* or NULL */
 	struct bb_image *image;
 	struct {
-		uint64_t rays, samples;
+		uint64_t rays, samples, alone[6]; /* a line of the cache for each thread */
 	} counts[BB_PARALLEL_MOST];
 };
 
@@ -37,15 +37,26 @@ static double distance(const struct bb_layer_walk *w, uint32_t at)
 	return w->ray.enter_m + (w->number[at] + 0.5) * w->layer->rays->step_m;
 }
 
-/* Samples of a layer that lie before limit_m (at it, too: ties) go into the sum. */
-static void add_samples(struct pixel *px, struct bb_layer_walk *w, double limit_m, bool ties)
+/* How many of the batch lie before limit_m (at it, too: ties). */
+static uint32_t before(const struct bb_layer_walk *w, double limit_m, bool ties)
+{
+	uint32_t end = w->at;
+
+	if (limit_m == HUGE_VAL)
+		return w->n;
+	for (; end < w->n; end++) {
+		const double m = distance(w, end);
+		if (m > limit_m || (m == limit_m && !ties))
+			break;
+	}
+	return end;
+}
+
+static void add_samples(struct pixel *px, struct bb_layer_walk *w, uint32_t end)
 {
 	bb_layer_rgba sum = px->sum;
 
-	for (; w->at < w->n; w->at++) {
-		const double m = distance(w, w->at);
-		if (m > limit_m || (m == limit_m && !ties))
-			break;
+	for (; w->at < end; w->at++) {
 		const float entry = w->value[w->at] * BB_LAYER_TABLE;
 		const int k = (int)entry;
 		const bb_layer_rgba *t = &w->layer->table[w->up[w->at]][k];
@@ -62,51 +73,51 @@ static void add_fragment(struct pixel *px)
 	px->sum += (bb_layer_rgba){ (float)rgba[0], (float)rgba[1], (float)rgba[2], 1 } * weight;
 }
 
-/* Who comes next, and until which distance nobody else does (n_layers: a mesh; n_layers + 1: nobody). A layer of a
- * lower number comes before others at the same distance, a mesh after all of them. */
-static size_t next_of(struct pixel *px, double *limit_m, bool *ties)
+/* The distance of what a layer, or the meshes (n_layers), come with next. */
+static double head_of(struct pixel *px, size_t k)
 {
-	size_t best = px->n_layers + 1, second = best;
-	double best_m = HUGE_VAL, second_m = HUGE_VAL;
+	if (k == px->n_layers)
+		return px->next_fragment < px->fragments.n ? px->fragments.at[px->next_fragment].at_m : HUGE_VAL;
+	struct bb_layer_walk *w = &px->walk[k];
+	return w->at < w->n || bb_layer_walk_on(w) ? distance(w, w->at) : HUGE_VAL;
+}
 
-	for (size_t k = 0; k <= px->n_layers; k++) {
-		double m;
-		if (k == px->n_layers) {
-			if (px->next_fragment >= px->fragments.n)
-				break;
-			m = px->fragments.at[px->next_fragment].at_m;
-		} else {
-			struct bb_layer_walk *w = &px->walk[k];
-			if (w->at >= w->n && !bb_layer_walk_on(w))
-				continue;
-			m = distance(w, w->at);
-		}
-		if (m < best_m) {
-			second = best;
-			second_m = best_m;
-			best = k;
-			best_m = m;
-		} else if (m < second_m) {
-			second = k;
-			second_m = m;
+/* Who comes next, and until which distance nobody else does. A layer of a lower number comes before others at the same
+ * distance, a mesh after all of them. */
+static size_t next_of(const double *head_m, size_t n, double *limit_m, bool *ties)
+{
+	size_t best = 0, second = 0;
+
+	*limit_m = HUGE_VAL;
+	for (size_t k = 1; k < n; k++) {
+		const size_t later = head_m[k] < head_m[best] ? best : k;
+		best = head_m[k] < head_m[best] ? k : best;
+		if (head_m[later] < *limit_m) {
+			second = later;
+			*limit_m = head_m[later];
 		}
 	}
-	*limit_m = second_m;
 	*ties = best < second;
 	return best;
 }
 
 static void draw_ray(struct pixel *px)
 {
-	double limit_m;
+	const size_t n = px->n_layers + (px->fragments.n > 0);
+	double head_m[BB_LAYERS_MOST + 1], limit_m;
 	bool ties;
-	size_t k;
 
-	while (1 - px->sum[3] >= OPAQUE && (k = next_of(px, &limit_m, &ties)) <= px->n_layers) {
+	for (size_t k = 0; k < n; k++)
+		head_m[k] = head_of(px, k);
+	while (1 - px->sum[3] >= OPAQUE) {
+		const size_t k = next_of(head_m, n, &limit_m, &ties);
+		if (head_m[k] == HUGE_VAL)
+			return;
 		if (k == px->n_layers)
 			add_fragment(px);
 		else
-			add_samples(px, &px->walk[k], limit_m, ties);
+			add_samples(px, &px->walk[k], before(&px->walk[k], limit_m, ties));
+		head_m[k] = head_of(px, k);
 	}
 }
 

@@ -103,12 +103,15 @@ static struct bb_atlas_range flat_range(float value)
 	return (struct bb_atlas_range){ (uint16_t)(v * (PARTS - 1)), (uint16_t)ceilf(v * (PARTS - 1)) };
 }
 
-/* The blocks of its brick that a cell reaches into. */
-static struct bb_atlas_range range_of(const struct bb_atlas *a, const struct bb_atlas_cell *e, const uint32_t cell[3])
+/* The blocks of its brick that a cell reaches into; all: every one of them shows something. */
+static struct bb_atlas_range range_of(const struct bb_layer_ready *r, const struct bb_atlas_cell *e,
+				      const uint32_t cell[3], bool *all)
 {
+	const struct bb_atlas *a = r->atlas;
 	struct bb_atlas_range out = { UINT16_MAX, 0 };
 	uint32_t from[3], to[3];
 
+	*all = true;
 	if (e->slot < 0)
 		return flat_range(e->value);
 	for (int k = 0; k < 3; k++) {
@@ -119,8 +122,11 @@ static struct bb_atlas_range range_of(const struct bb_atlas *a, const struct bb_
 	const struct bb_atlas_range *block = a->range + (size_t)e->slot * a->blocks * a->blocks * a->blocks;
 	for (uint32_t z = from[2]; z <= to[2]; z++)
 		for (uint32_t y = from[1]; y <= to[1]; y++)
-			for (uint32_t x = from[0]; x <= to[0]; x++)
-				widen(&out, block[(z * a->blocks + y) * a->blocks + x]);
+			for (uint32_t x = from[0]; x <= to[0]; x++) {
+				const struct bb_atlas_range own = block[(z * a->blocks + y) * a->blocks + x];
+				widen(&out, own);
+				*all &= bb_layer_range_shows(r, own);
+			}
 	return out;
 }
 
@@ -134,10 +140,14 @@ static void range_plane(void *ctx, size_t z, unsigned thread)
 	for (uint32_t y = 0; y < a->grid[1]; y++)
 		for (uint32_t x = 0; x < a->grid[0]; x++, i++) {
 			const uint32_t cell[3] = { x, y, (uint32_t)z };
-			w->range[i] = range_of(a, &a->map[0][i], cell);
+			bool all, too = false;
+			w->range[i] = range_of(w->r, &a->map[0][i], cell, &all);
 			if (a->n_shown > 1)
-				widen(&w->range[i], range_of(a, &a->map[1][i], cell));
-			w->r->empty[i] = !bb_layer_shows(w->r, w->range[i]);
+				widen(&w->range[i], range_of(w->r, &a->map[1][i], cell, &too));
+			/* What shows in one step's block shows in the mix. */
+			w->r->shows[i] = !bb_layer_range_shows(w->r, w->range[i]) ? BB_SHOWS_NOTHING
+					 : all || too                             ? BB_SHOWS_ALL
+									          : BB_SHOWS_BLOCKS;
 		}
 }
 
@@ -171,8 +181,10 @@ static void blend_plane(void *ctx, size_t z, unsigned thread)
 	for (uint32_t y = 0; y < a->grid[1]; y++)
 		for (uint32_t x = 0; x < a->grid[0]; x++, i++)
 			if (w->r->seam[i])
-				w->r->empty[i] = !bb_layer_shows(
-					w->r, around_cell(w, (const int64_t[]){ x, y, (int64_t)z }, around));
+				w->r->shows[i] = bb_layer_range_shows(w->r, around_cell(w, (const int64_t[]){ x, y, (int64_t)z },
+											around))
+							 ? BB_SHOWS_ALL
+							 : BB_SHOWS_NOTHING;
 }
 
 static bool make_cells(struct bb_layer_ready *r, unsigned threads)
@@ -181,9 +193,9 @@ static bool make_cells(struct bb_layer_ready *r, unsigned threads)
 	const size_t n_cells = (size_t)a->grid[0] * a->grid[1] * a->grid[2];
 	struct cells_work w = { .r = r, .range = malloc(n_cells * sizeof(*w.range)) };
 
-	r->empty = malloc(n_cells);
+	r->shows = malloc(n_cells);
 	r->seam = r->blend ? malloc(n_cells) : NULL;
-	if (!w.range || !r->empty || (r->blend && !r->seam)) {
+	if (!w.range || !r->shows || (r->blend && !r->seam)) {
 		free(w.range);
 		return false;
 	}
@@ -235,7 +247,7 @@ no_memory:
 void bb_layer_unready(struct bb_layer_ready *r)
 {
 	free(r->visible);
-	free(r->empty);
+	free(r->shows);
 	free(r->seam);
 	for (int i = 0; i < BB_LAYER_UPS; i++)
 		free(r->table[i]);

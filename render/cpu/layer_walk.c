@@ -10,6 +10,17 @@ struct box { /* corner coordinates */
 	double low[3], high[3];
 };
 
+/* No NaN here; the library's calls would take longer than the rest. */
+static double least(double a, double b)
+{
+	return a < b ? a : b;
+}
+
+static double most(double a, double b)
+{
+	return a > b ? a : b;
+}
+
 static double part(const struct bb_vec3 *v, int axis)
 {
 	return axis == 0 ? v->x : axis == 1 ? v->y : v->z;
@@ -41,9 +52,9 @@ static double beyond(const struct bb_layer_walk *w, double i, const struct box *
 	for (int a = 0; a < 3; a++) {
 		const double s = part(&w->ray.stride, a), face = s > 0 ? b->high[a] : b->low[a];
 		if (s != 0)
-			last = fmin(last, ceil((face - part(&w->ray.first, a)) / s));
+			last = least(last, ceil((face - part(&w->ray.first, a)) / s));
 	}
-	return fmax(last, i + 1);
+	return most(last, i + 1);
 }
 
 /* A cell as far as the ray is concerned: the outermost ones have no end outwards. */
@@ -60,16 +71,11 @@ static struct box cell_box(const struct bb_atlas *atlas, const uint32_t cell[3])
 
 /* ---- blocks of a cell ---- */
 
-static bool has_blocks(const struct bb_atlas *atlas, const struct bb_atlas_cell *e)
-{
-	return e->slot >= 0 && (uint64_t)BB_ATLAS_BLOCK << e->up < atlas->edge;
-}
-
 /* Narrows the box to the block that a point is in, and widens the range by its own. */
 static void take_block(const struct bb_atlas *atlas, const struct bb_atlas_cell *e, const uint32_t cell[3],
 		       const double at[3], struct box *box, struct bb_atlas_range *range)
 {
-	const double wide = ldexp(BB_ATLAS_BLOCK, (int)e->up);
+	const double wide = (double)((uint64_t)BB_ATLAS_BLOCK << e->up);
 	struct bb_atlas_range r;
 	size_t index = 0;
 
@@ -77,8 +83,8 @@ static void take_block(const struct bb_atlas *atlas, const struct bb_atlas_cell 
 		const double origin = (double)(cell[a] >> e->up << e->up) * atlas->edge;
 		const double block = floor((at[a] - origin) / wide), last = atlas->blocks - 1.0;
 		const double k = block > 0 ? (block < last ? block : last) : 0;
-		box->low[a] = fmax(box->low[a], k > 0 ? origin + k * wide : -HUGE_VAL);
-		box->high[a] = fmin(box->high[a], k < last ? origin + (k + 1) * wide : HUGE_VAL);
+		box->low[a] = most(box->low[a], k > 0 ? origin + k * wide : -HUGE_VAL);
+		box->high[a] = least(box->high[a], k < last ? origin + (k + 1) * wide : HUGE_VAL);
 		index = index * atlas->blocks + (size_t)k;
 	}
 	r = atlas->range[(size_t)e->slot * atlas->blocks * atlas->blocks * atlas->blocks + index];
@@ -108,18 +114,7 @@ static bool shows(const struct bb_layer_ready *l, size_t index, const uint32_t c
 		else
 			take_block(l->atlas, e, cell, at, box, &range);
 	}
-	return bb_layer_shows(l, range);
-}
-
-/* Is there more to be left out in a cell than the cell as a whole? */
-static bool worth_looking(const struct bb_layer_ready *l, size_t index)
-{
-	if (l->seam && l->seam[index])
-		return false;
-	for (unsigned shown = 0; shown < l->atlas->n_shown; shown++)
-		if (has_blocks(l->atlas, &l->atlas->map[shown][index]))
-			return true;
-	return false;
+	return bb_layer_range_shows(l, range);
 }
 
 /* The finer of a cell's two levels decides how long its steps are. */
@@ -132,39 +127,48 @@ static uint32_t up_of(const struct bb_layer_ready *l, size_t index)
 
 /* ---- values ---- */
 
+static void take_brick(const struct bb_layer_walk *w, const uint32_t cell[3], const struct bb_atlas_cell *e,
+		       float into[3][BB_LAYER_ROOM], uint32_t n, float *out)
+{
+	const struct bb_atlas *atlas = w->layer->atlas;
+	const struct bb_layer_brick brick = { atlas->bricks + (size_t)e->slot * atlas->slot_bytes, atlas->type,
+					      atlas->stored, atlas->scale };
+	const float per_leaf = 1 / (float)(1U << e->up);
+	float off[3];
+
+	for (int a = 0; a < 3; a++) {
+		const uint32_t before = (cell[a] & ((1U << e->up) - 1)) * atlas->edge;
+		off[a] = (float)before * per_leaf + (float)atlas->pad - 0.5F;
+	}
+	w->layer->kernel->sample(&brick, into, per_leaf, off, n, out);
+}
+
 /* Values of the batch's samples from `from` on, which lie at `into` one cell, voxels of the leaves from its corner. */
 static void take_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32_t from,
-			float into[3][BB_LAYER_BATCH])
+			float into[3][BB_LAYER_ROOM])
 {
 	const struct bb_layer_ready *l = w->layer;
 	const struct bb_atlas *atlas = l->atlas;
 	const uint32_t n = w->n - from;
 	const size_t index = index_of(atlas, cell);
-	float at[3][BB_LAYER_BATCH], value[BB_LAYER_BATCH];
+	float value[BB_LAYER_ROOM];
 
 	for (unsigned shown = 0; shown < atlas->n_shown; shown++) {
 		const struct bb_atlas_cell *e = &atlas->map[shown][index];
-		const struct bb_layer_brick brick = { atlas->bricks + (e->slot < 0 ? 0 : (size_t)e->slot) * atlas->slot_bytes,
-						      atlas->type, atlas->stored, atlas->scale };
-		for (int a = 0; a < 3; a++) {
-			const float per_leaf = 1 / (float)(1U << e->up);
-			const uint32_t before = (cell[a] & ((1U << e->up) - 1)) * atlas->edge;
-			const float off = (float)before * per_leaf + (float)atlas->pad - 0.5F;
-			for (uint32_t k = 0; k < n; k++)
-				at[a][k] = into[a][k] * per_leaf + off;
-		}
+		float *to = shown ? value : w->value + from;
 		if (e->slot >= 0)
-			l->kernel->sample(&brick, at, n, value);
-		for (uint32_t k = 0; k < n; k++) {
-			const float v = e->slot < 0 ? e->value : value[k], first = w->value[from + k];
-			w->value[from + k] = shown ? first + (v - first) * atlas->mix : v;
-		}
+			take_brick(w, cell, e, into, n, to);
+		else
+			for (uint32_t k = 0; k < n; k++)
+				to[k] = e->value > 0 ? (e->value < 1 ? e->value : 1) : 0;
 	}
+	for (uint32_t k = 0; k < n && atlas->n_shown > 1; k++)
+		w->value[from + k] += (value[k] - w->value[from + k]) * atlas->mix;
 }
 
 /* Where other levels reach into the cell, values are put together point by point. */
 static void blend_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32_t from,
-			 float into[3][BB_LAYER_BATCH])
+			 float into[3][BB_LAYER_ROOM])
 {
 	const struct bb_layer_ready *l = w->layer;
 	const struct bb_atlas *atlas = l->atlas;
@@ -172,13 +176,13 @@ static void blend_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32
 
 	if (!seam)
 		return;
-	const double reach = fmin(ldexp(0.5, seam - 1), atlas->edge / 2.0);
+	const double reach = least(ldexp(0.5, seam - 1), atlas->edge / 2.0);
 	for (uint32_t k = from; k < w->n; k++) {
 		double at[3], nearest = HUGE_VAL;
 		for (int a = 0; a < 3; a++) {
 			const double d = (double)into[a][k - from], low = (double)cell[a] * atlas->edge;
-			at[a] = low + fmax(0, d);
-			nearest = fmin(nearest, fmin(d, fmin(atlas->edge, atlas->dim[a] - low) - d));
+			at[a] = low + most(0, d);
+			nearest = least(nearest, least(d, least(atlas->edge, atlas->dim[a] - low) - d));
 		}
 		if (nearest < reach)
 			w->value[k] = (float)bb_layer_value(atlas, at, true);
@@ -189,17 +193,17 @@ static void blend_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32
 
 static double phase_from(double i, uint32_t up)
 {
-	const double s = ldexp(1, (int)up), first = floor(s / 2);
+	const double s = (double)(1U << up), first = up ? s / 2 : 0;
 
-	return first + ceil((i - first) / s) * s;
+	return up ? first + ceil((i - first) / s) * s : i;
 }
 
 static void take_numbers(struct bb_layer_walk *w, const uint32_t cell[3], size_t index, double end)
 {
 	const struct bb_layer_ready *l = w->layer;
 	const uint32_t up = up_of(l, index);
-	const double s = ldexp(1, (int)up);
-	const bool look = worth_looking(l, index);
+	const double s = (double)(1U << up);
+	const bool look = l->shows[index] == BB_SHOWS_BLOCKS;
 	double i = phase_from(w->next, up);
 
 	while (i < end && w->n < BB_LAYER_BATCH) {
@@ -209,7 +213,7 @@ static void take_numbers(struct bb_layer_walk *w, const uint32_t cell[3], size_t
 			double at[3];
 			position(w, i, at);
 			const bool any = shows(l, index, cell, at, &box);
-			until = fmin(end, beyond(w, i, &box));
+			until = least(end, beyond(w, i, &box));
 			if (!any) {
 				i = phase_from(until, up);
 				continue;
@@ -217,16 +221,16 @@ static void take_numbers(struct bb_layer_walk *w, const uint32_t cell[3], size_t
 		}
 		for (; i < until && w->n < BB_LAYER_BATCH; i += s) {
 			w->up[w->n] = (uint8_t)up;
-			w->number[w->n++] = (uint32_t)i;
+			w->number[w->n++] = (int32_t)i;
 		}
 	}
-	w->next = fmin(i, end);
+	w->next = least(i, end);
 }
 
 static bool cartesian_on(struct bb_layer_walk *w)
 {
 	const struct bb_atlas *atlas = w->layer->atlas;
-	float into[3][BB_LAYER_BATCH];
+	float into[3][BB_LAYER_ROOM];
 
 	while (w->next < w->end) {
 		uint32_t cell[3];
@@ -237,7 +241,7 @@ static bool cartesian_on(struct bb_layer_walk *w)
 		const struct box box = cell_box(atlas, cell);
 		const double end = beyond(w, w->next, &box);
 		const size_t index = index_of(atlas, cell);
-		if (w->layer->empty[index]) {
+		if (!w->layer->shows[index]) {
 			w->next = end;
 			continue;
 		}
@@ -245,12 +249,12 @@ static bool cartesian_on(struct bb_layer_walk *w)
 		if (!w->n)
 			continue;
 		position(w, w->number[0], at);
+		float base[3], stride[3];
 		for (int a = 0; a < 3; a++) {
-			const float base = (float)(at[a] - (double)cell[a] * atlas->edge);
-			const float stride = (float)part(&w->ray.stride, a);
-			for (uint32_t k = 0; k < w->n; k++)
-				into[a][k] = base + (float)(w->number[k] - w->number[0]) * stride;
+			base[a] = (float)(at[a] - (double)cell[a] * atlas->edge);
+			stride[a] = (float)part(&w->ray.stride, a);
 		}
+		w->layer->kernel->line(base, stride, w->number, w->n, into);
 		take_values(w, cell, 0, into);
 		blend_values(w, cell, 0, into);
 		return true;
@@ -281,11 +285,11 @@ static void within(const struct bb_layer_walk *w, double radius, double *from, d
 }
 
 /* The next samples' grid coordinates; returns how many there are. */
-static uint32_t look_ahead(struct bb_layer_walk *w, float grid[3][BB_LAYER_BATCH], int32_t *inside)
+static uint32_t look_ahead(struct bb_layer_walk *w, float grid[3][BB_LAYER_ROOM], int32_t *inside)
 {
 	const struct bb_layer_ready *l = w->layer;
-	const double i = w->next, until = i < w->hole[0] ? fmin(w->hole[0], w->end) : w->end;
-	const uint32_t n = (uint32_t)fmin(until - i, BB_LAYER_BATCH);
+	const double i = w->next, until = i < w->hole[0] ? least(w->hole[0], w->end) : w->end;
+	const uint32_t n = (uint32_t)least(until - i, BB_LAYER_BATCH);
 	float first[3], stride[3];
 	double at[3];
 
@@ -308,9 +312,9 @@ static bool wanted(struct bb_layer_walk *w, uint32_t i, const double at[3], uint
 	const size_t index = index_of(l->atlas, cell);
 	const uint32_t up = up_of(l, index), s = 1U << up;
 	struct box box = { { 0 }, { 0 } };
-	if (l->empty[index] || i % s != s / 2)
+	if (!l->shows[index] || i % s != s / 2)
 		return false;
-	if (worth_looking(l, index) && !shows(l, index, cell, at, &box))
+	if (l->shows[index] == BB_SHOWS_BLOCKS && !shows(l, index, cell, at, &box))
 		return false;
 	w->up[w->n] = (uint8_t)up;
 	return true;
@@ -318,7 +322,7 @@ static bool wanted(struct bb_layer_walk *w, uint32_t i, const double at[3], uint
 
 struct group { /* samples behind each other in one cell */
 	uint32_t cell[3], from;
-	float into[3][BB_LAYER_BATCH];
+	float into[3][BB_LAYER_ROOM];
 };
 
 static void end_group(struct bb_layer_walk *w, struct group *g)
@@ -338,8 +342,8 @@ static bool same_cell(const uint32_t a[3], const uint32_t b[3])
 static bool spherical_on(struct bb_layer_walk *w)
 {
 	const struct bb_layer_ready *l = w->layer;
-	float grid[3][BB_LAYER_BATCH];
-	int32_t inside[BB_LAYER_BATCH];
+	float grid[3][BB_LAYER_ROOM];
+	int32_t inside[BB_LAYER_ROOM];
 
 	while (w->next < w->end && !w->n) {
 		if (w->next >= w->hole[0] && w->next < w->hole[1]) {
@@ -359,7 +363,7 @@ static bool spherical_on(struct bb_layer_walk *w)
 				g.cell[a] = cell[a];
 				g.into[a][w->n - g.from] = grid[a][k] - (float)(cell[a] * l->atlas->edge);
 			}
-			w->number[w->n++] = first + k;
+			w->number[w->n++] = (int32_t)(first + k);
 		}
 		end_group(w, &g);
 		w->next += n;
@@ -383,11 +387,11 @@ void bb_layer_walk_begin(struct bb_layer_walk *w, const struct bb_layer_ready *l
 		return;
 	/* Some samples more: the kernel decides, and the hole is smaller than the innermost shell. */
 	within(w, layer->ball.from[0] + layer->ball.dim[0], &from, &to);
-	w->next = fmin(fmax(0, from - 2), w->ray.n);
-	w->end = fmin(w->ray.n, to + 2);
+	w->next = least(most(0, from - 2), w->ray.n);
+	w->end = least(w->ray.n, to + 2);
 	within(w, layer->ball.from[0], &from, &to);
 	if (to - 2 > from + 2) {
-		w->hole[0] = fmax(0, from + 2);
+		w->hole[0] = most(0, from + 2);
 		w->hole[1] = to - 2;
 	}
 }

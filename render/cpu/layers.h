@@ -13,6 +13,8 @@
 #include "render/renderer_driver.h"
 
 #define BB_LAYER_BATCH 64
+#define BB_LAYER_WIDEST 16 /* lanes of a vector */
+#define BB_LAYER_ROOM (BB_LAYER_BATCH + BB_LAYER_WIDEST)
 #define BB_LAYER_TABLE 8192
 #define BB_LAYER_UPS 24 /* levels above the leaves, and more than there can be */
 
@@ -32,12 +34,16 @@ struct bb_layer_ball { /* bb_spherical in float; positions are relative to the c
 
 struct bb_layer_kernel {
 	const char *name;
-	/* Values at n <= BB_LAYER_BATCH positions in stored voxels; outside: the nearest. Arrays are of BB_LAYER_BATCH and
-	 * what lies behind n in them does not matter, but is there. */
-	void (*sample)(const struct bb_layer_brick *brick, float at[3][BB_LAYER_BATCH], uint32_t n, float *out);
+	/* n <= BB_LAYER_BATCH points: base + (number - the first number) * stride. Arrays have BB_LAYER_WIDEST numbers more
+	 * than there are points: what lies there does not matter. */
+	void (*line)(const float base[3], const float stride[3], const int32_t *number, uint32_t n,
+		     float out[3][BB_LAYER_ROOM]);
+	/* Values at these points times `per` plus `off`, in stored voxels; outside: the nearest. */
+	void (*sample)(const struct bb_layer_brick *brick, float at[3][BB_LAYER_ROOM], float per, const float off[3],
+		       uint32_t n, float *out);
 	/* Grid coordinates of the points first + k * stride; inside: 0 or not. */
 	void (*spherical)(const struct bb_layer_ball *ball, const float first[3], const float stride[3], uint32_t n,
-			  float grid[3][BB_LAYER_BATCH], int32_t *inside);
+			  float grid[3][BB_LAYER_ROOM], int32_t *inside);
 };
 extern const struct bb_layer_kernel bb_layer_kernel_portable, bb_layer_kernel_avx2, bb_layer_kernel_avx512;
 
@@ -55,6 +61,8 @@ bool bb_layer_around(const struct bb_atlas *atlas);
 
 typedef float bb_layer_rgba __attribute__((vector_size(16)));
 
+enum bb_layer_shows { BB_SHOWS_NOTHING, BB_SHOWS_BLOCKS, BB_SHOWS_ALL };
+
 struct bb_layer_ready {
 	const struct bb_atlas *atlas;
 	const struct bb_rays *rays;
@@ -64,7 +72,7 @@ struct bb_layer_ready {
 	struct bb_spherical ball;
 	struct bb_layer_ball ball_float;
 	uint32_t *visible;   /* [65536 + 1]: the first part of the range from here on that shows; 65536: none */
-	uint8_t *empty;      /* of a cell: nothing shows */
+	uint8_t *shows;      /* of a cell: */
 	uint8_t *seam;       /* of a cell; NULL: not blended */
 	bb_layer_rgba *table[BB_LAYER_UPS]; /* [BB_LAYER_TABLE + 2]: premultiplied; NULL: no brick needs it */
 };
@@ -74,7 +82,7 @@ BB_MUST_CHECK enum bb_status bb_layer_make_ready(const struct bb_draw *draw, siz
 						 struct bb_layer_ready *out, struct bb_error *err);
 void bb_layer_unready(struct bb_layer_ready *r);
 
-static inline bool bb_layer_shows(const struct bb_layer_ready *r, struct bb_atlas_range range)
+static inline bool bb_layer_range_shows(const struct bb_layer_ready *r, struct bb_atlas_range range)
 {
 	return r->visible[range.least] <= range.most;
 }
@@ -87,8 +95,8 @@ struct bb_layer_walk {
 	double next, end;     /* sample numbers to look at */
 	double hole[2];       /* of a ball: inside its innermost shell from .. to - 1 */
 	uint32_t n, at;       /* of the batch; those before `at` are drawn */
-	uint32_t number[BB_LAYER_BATCH];
-	float value[BB_LAYER_BATCH];
+	int32_t number[BB_LAYER_ROOM];
+	float value[BB_LAYER_ROOM];
 	uint8_t up[BB_LAYER_BATCH];
 	uint64_t samples;
 };
