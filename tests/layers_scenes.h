@@ -29,7 +29,7 @@ static inline struct bb_view scene_view(int i)
 	static const struct bb_vec3 eyes[SCENE_VIEWS] = { { 0.3, 1.6, 1.4 },     { 1.6, 2.2, 0.5 },    { -1.4, 0.7, 0.9 },
 							  { 0.1, 2.5, 0.3 },     { -0.9, 1.5, 0.5 },   { 0.2, 1.4, 2.5 },
 							  { 0.15, 1.45, -0.2 },  { 0.0, 1.5, -0.32 },  { 0.45, 1.2, -0.25 },
-							  { -0.18, 1.62, -0.45 } };
+							  { 0.25, 1.5, -0.3 } };
 
 	return bb_view_make(&wall, eyes[i], eyes[0], 0.05, 50);
 }
