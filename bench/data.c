@@ -8,7 +8,6 @@
 
 #include "render/bricks/build.h"
 
-#define EDGE 16
 #define MEMORY_BYTES (UINT64_C(512) << 20)
 
 static bool is_bricks(const char *path)
@@ -31,7 +30,8 @@ static enum bb_status open_steps(const struct bb_scene *s, const char *scratch, 
 
 static enum bb_status build(const struct bb_scene *s, const char *dir, struct bb_bricks **out, struct bb_error *err)
 {
-	struct bb_build_config config = { .edge = EDGE, .pad = 1, .type = BB_BRICK_U16, .memory_bytes = MEMORY_BYTES };
+	struct bb_build_config config = { .edge = (uint32_t)s->data.brick_voxels, .pad = 1,
+					  .type = (enum bb_brick_type)s->data.values, .memory_bytes = MEMORY_BYTES };
 	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	struct bb_build_report report;
 	char path[BB_PATH_MAX_BYTES];

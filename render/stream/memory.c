@@ -99,8 +99,6 @@ enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err)
 	s->held_bytes = bb_bricks_reader_bytes(s->reader);
 	s->slots.n = a->n_slots = n;
 	s->slots.n_hash = hash_size(n);
-	s->reserve = s->complete ? 1 : n / 8 + 1;
-	s->plan.target_most = n > s->reserve ? n - s->reserve : 1;
 	s->bricks = take(s, 1, n * a->slot_bytes + bb_atlas_slack_bytes(a), &ok);
 	s->range = take(s, n * blocks_of(a), sizeof(*s->range), &ok);
 	s->slot_generation = take(s, n, sizeof(*s->slot_generation), &ok);

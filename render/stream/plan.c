@@ -247,6 +247,15 @@ static void plan_reading(struct bb_stream *s)
 	}
 }
 
+/* All slots but the root's, and but those of bricks that had to stand in for others: up to an eighth, so that a plan that
+ * turns to other bricks keeps what there is to show until they come. */
+static uint32_t room_for(const struct bb_stream *s)
+{
+	const uint32_t n = s->slots.n, most = n / 8, now = bb_show_kept(s), kept = 1 + (now < most ? now : most);
+
+	return n > kept ? n - kept : 1;
+}
+
 void bb_plan_make(struct bb_stream *s)
 {
 	struct bb_plan *p = &s->plan;
@@ -257,6 +266,7 @@ void bb_plan_make(struct bb_stream *s)
 		return;
 	}
 	plan_reading(s);
+	p->target_most = room_for(s);
 	push(s, (struct bb_target){ .steps = (uint8_t)((1U << p->n_steps) - 1), .rank = INFINITY });
 	while (p->n_heap) {
 		struct bb_target t = pop(p);

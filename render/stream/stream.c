@@ -79,8 +79,9 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_str
 	look(s, f);
 	bb_plan_make(s);
 	bb_wish(s);
-	bb_show(s, f->step, &counts);
+	bb_show_keep(s);
 	bb_ask(s, f, &counts);
+	bb_show(s, f->step, &counts);
 	for (size_t i = 0; i < f->n_views; i++)
 		bb_count_rays(s, &f->views[i], f, &counts);
 	return counts;

@@ -79,7 +79,7 @@ struct bb_stream {
 	struct bb_atlas_cell *map[2];
 	struct bb_slots slots;
 	uint32_t root;         /* slot of brick 0, which is always there */
-	uint32_t reserve;      /* slots that are not for targets: what stands in for them, and ways to them */
+	uint32_t kept; /* slots for bricks that stand in for missing ones, times RETURN_FRAMES of show.c */
 	struct bb_plan plan;
 	struct bb_wish *wish;  /* [n_slots + 8] */
 	uint32_t n_wishes;
@@ -120,7 +120,10 @@ void bb_slots_clear(struct bb_slots *s); /* nothing is anywhere */
 void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *frame);
 void bb_plan_make(struct bb_stream *s);
 
-/* show.c: fills the maps from the plan's targets and what stands in for them; touches what is drawn; counts. */
+/* show.c. Before anything goes: what stands in for missing targets is kept, as far as there are slots besides theirs. */
+void bb_show_keep(struct bb_stream *s);
+uint32_t bb_show_kept(const struct bb_stream *s);
+/* After it: fills the maps from the targets and what stands in for them; counts. */
 void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts);
 /* The best that is in memory for a target: itself, or an ancestor in space or time. There always is one. */
 uint32_t bb_show_best(const struct bb_stream *s, uint32_t node, uint32_t tau, uint32_t *level);
