@@ -4,7 +4,7 @@
  * the disk's own sequential rate for those that are not. A command and not a test, because whether a streaming budget can
  * be met is a question about the disk and the memory of the machine that will show the data.
  *
- * The peers take turns round by round; a ratio is that of one round, and its median and range over the rounds are told.
+ * The peers take turns round by round; a ratio is that of one round, and its median and quartiles over the rounds are told.
  */
 #define _GNU_SOURCE /* O_DIRECT */
 #include <fcntl.h>
@@ -24,14 +24,16 @@
 #include "render/bricks/values.h"
 #include "render/parallel.h"
 
-#define ROUNDS_MOST 99
+#define ROUNDS_MOST 999
+#define ROUND_WARM_BYTES (8u << 20) /* a millisecond or so: less than a turn of another process */
+#define ROUND_COLD_BYTES (64u << 20)
 #define POOL_BYTES (64u << 20)     /* of slots, for each thread: more than the caches hold */
 #define SEQUENTIAL_BYTES (1u << 20) /* of one read of the disk's own rate */
 #define PAGE_BYTES 4096u
 
 static const struct bb_cli_option options[] = {
-	{ "mib", "N", "of bricks in each round (default 256)" },
-	{ "rounds", "N", "(default 7)" },
+	{ "mib", "N", "of bricks; a round has a part of them (default 256)" },
+	{ "rounds", "N", "for rows of the page cache; those of the disk have an eighth of it, and 5 (default 199)" },
 	{ "batch", "N", "bricks asked for at once (default 64)" },
 	{ "threads", "N", "warm rows for 1 and for N readers (default: one for each processor)" },
 	{ "depth", "N", "cold rows for 1 and for N readers, who mostly wait (default 8)" },
@@ -56,6 +58,7 @@ struct speed {
 	uint32_t batch, n;
 	unsigned most_threads, depth;
 	uint64_t sequential_at; /* where the next sequential read of the file begins */
+	uint32_t from, to;  /* of the order, in this round */
 	uint64_t *order;    /* [n] bricks */
 	uint64_t *copy_at;  /* [n] where their bytes stand in copy */
 	uint8_t *copy;
@@ -177,7 +180,7 @@ static void one_batch(void *ctx, size_t i, unsigned thread)
 	struct speed *s = ctx;
 	struct worker *w = &s->worker[thread];
 	struct bb_bricks_want wants[BB_BRICKS_BATCH_MOST];
-	const uint32_t from = (uint32_t)i * s->batch, n = s->n - from < s->batch ? s->n - from : s->batch;
+	const uint32_t from = s->from + (uint32_t)i * s->batch, n = s->to - from < s->batch ? s->to - from : s->batch;
 	bool good = true;
 
 	if (s->way == SEQUENTIAL) {
@@ -200,14 +203,24 @@ static void one_batch(void *ctx, size_t i, unsigned thread)
 		atomic_fetch_add(&s->failed, 1);
 }
 
+static uint64_t stored_bytes(const struct speed *s)
+{
+	uint64_t n = 0;
+
+	for (uint32_t i = s->from; i < s->to; i++)
+		n += bb_bricks_index(s->b)[s->order[i]].bytes;
+	return n;
+}
+
 /* Bytes a second; of bricks as they are in memory where `unpacked`, else of bytes of the file. */
 static double rate(struct speed *s, enum way way, unsigned threads, bool unpacked)
 {
-	const size_t n_sequential = (size_t)(s->stored_bytes / SEQUENTIAL_BYTES);
-	const size_t n = way == SEQUENTIAL ? n_sequential : (s->n + s->batch - 1) / s->batch;
+	const uint64_t stored = stored_bytes(s);
+	const size_t n_sequential = (size_t)(stored / SEQUENTIAL_BYTES) + 1;
+	const size_t n = way == SEQUENTIAL ? n_sequential : (s->to - s->from + s->batch - 1) / s->batch;
 	const double bytes = way == SEQUENTIAL ? (double)n_sequential * SEQUENTIAL_BYTES :
-			     unpacked	       ? (double)s->n * (double)s->n_brick :
-						 (double)s->stored_bytes;
+			     unpacked	       ? (double)(s->to - s->from) * (double)s->n_brick :
+						 (double)stored;
 
 	s->way = way;
 	if (way == COLD_CACHED || way == SEQUENTIAL)
@@ -223,7 +236,9 @@ static double rate(struct speed *s, enum way way, unsigned threads, bool unpacke
 struct row {
 	const char *what, *peer, *order;
 	unsigned threads, peer_threads;
-	double bytes_s, peer_bytes_s, ratio, least, most, must; /* medians; must 0: none is set */
+	double bytes_s, peer_bytes_s, ratio, must; /* medians; must 0: none is set */
+	double least, most; /* quartiles of the ratio */
+	double of_best; /* the best round's rate beside the peer's best: what a busy machine disturbs least */
 };
 
 static double median(double *v, size_t n)
@@ -232,20 +247,29 @@ static double median(double *v, size_t n)
 	return bb_stats_nearest_rank(v, n, 0.5);
 }
 
+/* Both peers have the next part of the order in each round, over and over: a round is short beside what else the
+ * machine does, and still no brick is in the caches. */
 static void compare(struct speed *s, enum way peer, enum way way, bool unpacked, unsigned rounds, struct row *out)
 {
 	double a[ROUNDS_MOST], b[ROUNDS_MOST], ratio[ROUNDS_MOST];
+	const size_t bytes = unpacked ? (size_t)ROUND_WARM_BYTES * out->threads : ROUND_COLD_BYTES;
+	const uint32_t fits = (uint32_t)(bytes / s->n_brick / s->batch) * s->batch,
+		       least = s->batch * out->threads,
+		       wanted = fits > least ? fits : least, part = wanted < s->n ? wanted : s->n;
 
 	for (unsigned i = 0; i < rounds; i++) {
+		s->from = part * (i % (s->n / part));
+		s->to = s->from + part;
 		a[i] = rate(s, peer, out->peer_threads, unpacked);
 		b[i] = rate(s, way, out->threads, unpacked);
 		ratio[i] = b[i] / a[i];
 	}
 	out->peer_bytes_s = median(a, rounds);
 	out->bytes_s = median(b, rounds);
+	out->of_best = b[rounds - 1] / a[rounds - 1];
 	out->ratio = median(ratio, rounds);
-	out->least = ratio[0];
-	out->most = ratio[rounds - 1];
+	out->least = ratio[rounds / 4]; /* a busy machine makes the ends mean nothing */
+	out->most = ratio[rounds - 1 - rounds / 4];
 }
 
 /* Into the page cache from front to back, as a copy or a build leaves it: its pages are then large, and a read of them
@@ -305,7 +329,7 @@ static void cold_rows(struct speed *s, const char *order, unsigned rounds, struc
 					   .threads = readers[i][0],
 					   .peer_threads = readers[i][1],
 					   .must = s->n_brick > 100000 && i == 1 ? 0.9 : 0 };
-			compare(s, SEQUENTIAL, ways[k].way, false, rounds, r);
+			compare(s, SEQUENTIAL, ways[k].way, false, rounds / 8 + 5, r);
 		}
 }
 
@@ -321,10 +345,10 @@ static int tell_json(const struct speed *s, const struct row *rows, size_t n)
 	for (size_t i = 0; i < n; i++) {
 		const struct row *r = &rows[i];
 		json_array_append_new(list,
-				      json_pack("{s:s, s:s, s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f}", "what",
+				      json_pack("{s:s, s:s, s:s, s:i, s:i, s:f, s:f, s:f, s:f, s:f, s:f, s:f}", "what",
 						r->what, "against", r->peer, "order", r->order, "readers",
 						(int)r->threads, "against_readers", (int)r->peer_threads, "bytes_s", r->bytes_s, "against_bytes_s", r->peer_bytes_s, "ratio",
-						r->ratio, "ratio_least", r->least, "ratio_most", r->most, "must",
+						r->ratio, "ratio_of_best", r->of_best, "ratio_quartile", r->least, "ratio_quartile_3", r->most, "must",
 						r->must));
 	}
 	return bb_cli_print_json(root);
@@ -336,16 +360,17 @@ static int tell(const struct bb_cli *cli, const struct speed *s, const struct ro
 
 	if (bb_cli_has(cli, "json"))
 		return tell_json(s, rows, n);
-	printf("bricks of %u^3 and %u around them, %s, codec %s; %u bricks a round, %.1f MiB in the file, batches of %u; "
-	       "medians of %u rounds\n",
+	printf("bricks of %u^3 and %u around them, %s, codec %s; %u bricks, %.1f MiB in the file, batches of %u; "
+	       "medians and quartiles of %u rounds\n",
 	       h->tree.edge, h->pad, bb_brick_type_text(h->type), bb_brick_codec_text(h->codec), s->n,
 	       (double)s->stored_bytes / 1048576, s->batch, rounds);
-	printf("%-34s %-7s %7s %7s  %-20s %7s %7s %6s %17s %4s\n", "what", "order", "readers", "GB/s", "against",
-	       "readers", "GB/s", "ratio", "", "must");
+	printf("%-34s %-7s %7s %7s  %-20s %7s %7s %6s %17s %7s %4s\n", "what", "order", "readers", "GB/s", "against",
+	       "readers", "GB/s", "ratio", "", "of best", "must");
 	for (size_t i = 0; i < n; i++) {
 		const struct row *r = &rows[i];
-		printf("%-34s %-7s %7u %7.2f  %-20s %7u %7.2f %6.3f (%.3f .. %.3f)", r->what, r->order, r->threads,
-		       r->bytes_s * 1e-9, r->peer, r->peer_threads, r->peer_bytes_s * 1e-9, r->ratio, r->least, r->most);
+		printf("%-34s %-7s %7u %7.2f  %-20s %7u %7.2f %6.3f (%.3f .. %.3f) %7.3f", r->what, r->order, r->threads,
+		       r->bytes_s * 1e-9, r->peer, r->peer_threads, r->peer_bytes_s * 1e-9, r->ratio, r->least, r->most,
+		       r->of_best);
 		if (r->must > 0)
 			printf(" %4.2f %s", r->must, r->ratio >= r->must ? "held" : "MISSED");
 		putchar('\n');
@@ -438,6 +463,8 @@ static enum bb_status measure(struct speed *s, double mib, uint64_t seed, unsign
 			cold_rows(s, near ? "near" : "random", rounds, rows, n);
 		if (near)
 			continue;
+		s->from = 0;
+		s->to = s->n;
 		(void)rate(s, COLD_CACHED, 1, true);
 		warm_rows(s, "page cache, came brick by brick", "random", rounds, rows, n);
 	}
@@ -458,7 +485,7 @@ static int command(const struct bb_cli *cli)
 
 	enum bb_status status = bb_cli_number(cli, "mib", 256, 1, 1 << 16, &mib, &err);
 	if (!status)
-		status = bb_cli_number(cli, "rounds", 7, 1, ROUNDS_MOST, &rounds, &err);
+		status = bb_cli_number(cli, "rounds", 199, 1, ROUNDS_MOST, &rounds, &err);
 	if (!status)
 		status = bb_cli_number(cli, "batch", 64, 1, BB_BRICKS_BATCH_MOST, &batch, &err);
 	if (!status)

@@ -45,11 +45,14 @@ struct bb_bricks_counts { /* since the reader was created */
 
 enum bb_bricks_way {
 	BB_BRICKS_CACHED, /* through the page cache; the disk is told ahead of what is not in it */
-	BB_BRICKS_DIRECT  /* O_DIRECT: leaves no trace in it, keeps the disk as busy as there are readers; 2 MiB each */
+	BB_BRICKS_DIRECT  /* O_DIRECT: leaves no trace in it, and keeps the disk as busy as there are readers */
 };
 
 struct bb_bricks_reader;
-/* For up to `most` bricks at a time (larger batches are cut). 1453: this file system has no direct reads; 1702. */
+/*
+ * For up to `most` bricks at a time (larger batches are cut). It holds 2 MiB when so many bricks are more than about
+ * 128 KiB, else little more than their bytes. 1453: this file system has no direct reads; 1702.
+ */
 BB_MUST_CHECK enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most, enum bb_bricks_way way,
 						     struct bb_bricks_reader **out, struct bb_error *err);
 void bb_bricks_reader_destroy(struct bb_bricks_reader *r);                 /* NULL is allowed */

@@ -25,6 +25,7 @@
 #define PIECE_DIRECT_BYTES (1u << 20)   /* a disk waits longer for each read than for its bytes */
 #endif
 #define HUGE_BYTES (2u << 20)
+#define BOUNCE_BYTES (64u << 10) /* up to which unpacking in the caches and copying on is faster than unpacking in place */
 #define PAGE_BYTES 4096u             /* what direct reads are multiples of */
 #define GAP_CACHED_BYTES (8u << 10)  /* unwanted bytes that cost less than a system call */
 #define GAP_DIRECT_BYTES (32u << 10) /* and less than one more access to the disk */
@@ -53,6 +54,7 @@ struct bb_bricks_reader {
 	struct key *keys, *spare; /* [most] */
 	struct run *runs;         /* [most] */
 	uint8_t *stage;           /* piece_bytes, and a page on either side */
+	uint8_t *bounce;          /* behind it, of a brick: where small ones are unpacked; or NULL */
 	struct bb_unpacker unpacker;
 	struct bb_bricks_counts counts;
 	uint64_t held_bytes;
@@ -74,10 +76,14 @@ static size_t up(size_t n)
 	return (n + PAGE_BYTES - 1) / PAGE_BYTES * PAGE_BYTES;
 }
 
-/* A disk reads twice as fast into one huge page as into scattered small ones: its list of where the bytes go is short. */
-static uint8_t *stage_of(size_t *n, bool direct)
+/*
+ * In one huge page: a disk reads twice as fast into it as into scattered small ones (its list of where the bytes go is
+ * short), and all of it finds room in the second cache, which scattered pages share unevenly. Not where it would be more
+ * than the bytes deserve.
+ */
+static uint8_t *stage_of(size_t *n)
 {
-	const bool huge = direct && *n > HUGE_BYTES / 16;
+	const bool huge = *n > HUGE_BYTES / 16;
 	const size_t align = huge ? HUGE_BYTES : PAGE_BYTES;
 
 	*n = (*n + align - 1) / align * align;
@@ -89,14 +95,18 @@ static uint8_t *stage_of(size_t *n, bool direct)
 
 static bool hold(struct bb_bricks_reader *r)
 {
-	size_t stage = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h), room = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	const bool bounces = r->b->h.codec != BB_BRICK_PLAIN && n_brick <= BOUNCE_BYTES &&
+			     bb_crc32c_has(BB_CRC32C_FOLDED);
+	size_t stage = room + (bounces ? n_brick : 0);
 
 	r->keys = calloc(r->most, sizeof(*r->keys));
 	r->spare = calloc(r->most, sizeof(*r->spare));
 	r->runs = calloc(r->most, sizeof(*r->runs));
-	r->stage = stage_of(&stage, r->direct);
+	r->stage = stage_of(&stage);
 	if (!r->keys || !r->spare || !r->runs || !r->stage || !bb_unpacker_init(&r->unpacker, r->b->h.codec))
 		return false;
+	r->bounce = bounces ? r->stage + room : NULL;
 	r->held_bytes = sizeof(*r) + stage + r->most * (2 * sizeof(*r->keys) + sizeof(*r->runs)) +
 			bb_unpacker_bytes(&r->unpacker);
 	return true;
@@ -307,15 +317,27 @@ static bool is_whole(const struct bb_bricks_reader *r, const struct bb_bricks_wa
 #endif
 }
 
+static bool unpack(struct bb_bricks_reader *r, const uint8_t *bytes, size_t n, uint8_t *out)
+{
+	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h);
+
+	if (!r->bounce)
+		return bb_values_unpack(&r->unpacker, bytes, n, out, n_brick);
+	if (!bb_values_unpack(&r->unpacker, bytes, n, r->bounce, n_brick))
+		return false;
+	(void)bb_crc32c_copy(0, out, r->bounce, n_brick);
+	return true;
+}
+
 static void deliver(struct bb_bricks_reader *r, struct bb_bricks_want *w, const uint8_t *bytes)
 {
-	const size_t n = r->b->index[w->brick].bytes, n_brick = bb_bricks_brick_bytes(&r->b->h);
+	const size_t n = r->b->index[w->brick].bytes;
 	const bool plain = r->b->h.codec == BB_BRICK_PLAIN;
 	const uint32_t crc = plain ? bb_crc32c_copy(0, w->out, bytes, n) : bb_crc32c(0, bytes, n);
 
 	if (!is_whole(r, w, crc))
 		fail(r, w, BB_ERR_FORMAT, 1441, "");
-	else if (!plain && !bb_values_unpack(&r->unpacker, bytes, n, w->out, n_brick))
+	else if (!plain && !unpack(r, bytes, n, w->out))
 		fail(r, w, BB_ERR_FORMAT, 1450, "");
 	else
 		r->counts.bricks++;
