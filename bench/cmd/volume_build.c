@@ -72,19 +72,6 @@ static enum bb_status bad(const struct bb_cli *cli, const char *name, struct bb_
 	return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--%s cannot be '%.60s'", name, bb_cli_get(cli, name, ""));
 }
 
-/* Numbers with a sign between them, all of them; false otherwise. */
-static bool numbers(const char *text, char sign, double *out, int n)
-{
-	for (int i = 0; i < n; i++) {
-		char *end;
-		out[i] = strtod(text, &end);
-		if (end == text || *end != (i + 1 < n ? sign : '\0'))
-			return false;
-		text = end + 1;
-	}
-	return true;
-}
-
 static bool read_type(const char *text, enum bb_brick_type *out)
 {
 	for (*out = 0; *out < BB_BRICK_TYPES; ++*out)
@@ -110,7 +97,7 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 	if (!read_codec(bb_cli_get(cli, "codec", "none"), &c->codec))
 		return bad(cli, "codec", err);
 	if (bb_cli_has(cli, "range")) {
-		if (!numbers(bb_cli_get(cli, "range", ""), ':', range, 2) || !(range[1] >= range[0]) ||
+		if (!bb_cli_numbers(bb_cli_get(cli, "range", ""), ':', range, 2) || !(range[1] >= range[0]) ||
 		    !(range[1] - range[0] < 1e300))
 			return bad(cli, "range", err);
 		c->has_range = true;
@@ -120,7 +107,7 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 	if (bb_cli_has(cli, "spherical")) {
 		const double *e = c->extent;
 		c->grid = BB_BRICK_SPHERICAL;
-		if (!numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
+		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
 		    !(e[3] > e[2] && e[5] > e[4] && e[1] < 1e12 && e[2] >= 0 && e[3] < 3.1416 && e[5] - e[4] < 6.2832))
 			return bad(cli, "spherical", err);
 	}
@@ -161,7 +148,7 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 	}
 	if (!bb_cli_has(cli, "generate"))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "give the files of a sequence, or --generate");
-	if (!numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', dim, 3))
+	if (!bb_cli_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', dim, 3))
 		return bad(cli, "dim", err);
 	for (int a = 0; a < 3; a++)
 		if (!(dim[a] >= 1 && dim[a] <= 1 << 16))
