@@ -101,7 +101,7 @@ void bb_tables_print(const json_t *root)
 {
 	if (has(root, "edits")) {
 		printf("## An edit of the transfer function\n\n"
-		       "Whole time trees, one core, least of 5. Ranks: Spearman's correlation with the reference "
+		       "Whole time trees; time one core ran, least of 5. Ranks: Spearman's correlation with the reference "
 		       "metrics.\n\n"
 		       "| set | transfer | bricks | edit, ms | local in time, ms | by histogram, ms | reading once, ms "
 		       "| reference, s | "
