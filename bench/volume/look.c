@@ -177,6 +177,14 @@ void bb_look_cast(const struct bb_look *l, const struct bb_transfer *tf, float (
 		}
 }
 
+static bool is_same(const float a[4], const float b[4])
+{
+	for (int k = 0; k < 4; k++)
+		if (a[k] < b[k] || a[k] > b[k])
+			return false;
+	return true;
+}
+
 struct bb_look_difference bb_look_compare(const float (*picture)[4], const float (*reference)[4], size_t n)
 {
 	struct bb_look_difference d = { .psnr_db = 200 };
@@ -187,7 +195,7 @@ struct bb_look_difference bb_look_compare(const float (*picture)[4], const float
 		if (!((double)reference[i][3] > COVERED))
 			continue;
 		d.n_pixels++;
-		if (!memcmp(picture[i], reference[i], sizeof(picture[i])))
+		if (is_same(picture[i], reference[i]))
 			continue;
 		for (int k = 0; k < 3; k++) {
 			a[k] = (double)picture[i][k];

@@ -220,7 +220,7 @@ static void best_so_far(const struct bb_tree *t, const float *work, const struct
 static enum bb_status far_points(const struct bb_tree *t, const float *work, float *space, float *time,
 				 struct bb_error *err)
 {
-	struct below b = { malloc(t->n_bricks * sizeof(float)), malloc(t->n_bricks * sizeof(float)) };
+	struct below b = { calloc(t->n_bricks + 1, sizeof(float)), calloc(t->n_bricks + 1, sizeof(float)) };
 	const bool memory = b.error && b.bricks;
 
 	for (uint64_t id = 0; id < t->n_bricks; id++)
