@@ -184,6 +184,13 @@ static inline uint32_t scene_levels(const uint32_t cell[3], void *ctx)
 	return scene_hash(cell[0] >> 1, cell[1] >> 1, (cell[2] >> 1) + 77) % 2;
 }
 
+/* Any level anywhere, as no tree would cut it. */
+static inline uint32_t scene_patches(const uint32_t cell[3], void *ctx)
+{
+	(void)ctx;
+	return scene_hash(cell[0], cell[1], cell[2]) % 3;
+}
+
 /* A third of the cells of every level are of one value each. */
 static inline void scene_flatten(struct scene *s, size_t layer)
 {
