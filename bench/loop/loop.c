@@ -77,7 +77,16 @@ static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_mach
 		                      .memory_bytes = (uint64_t)(mib * 1048576),
 		                      .bricks_per_frame = (uint32_t)(bricks ? bricks + o->plant_bricks : 0) };
 
-	return l->bricks ? bb_stream_create(&c, &n->stream, err) : BB_OK;
+	if (!l->bricks)
+		return BB_OK;
+	enum bb_status status = bb_stream_create(&c, &n->stream, err);
+	if (!status)
+		bb_node_fill(n);
+	if (!status)
+		status = l->draw_everything
+				 ? bb_stream_io_start(n->stream, &n->io)
+				 : bb_stream_disk_start(n->stream, n->profile.disk_read_ns, n->profile.disk_byte_ns, &n->disk);
+	return status;
 }
 
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks)
@@ -250,6 +259,8 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		bb_clock_disarm(l->clk, &n->inbox);
 		bb_clock_disarm(l->clk, &n->ready);
 		bb_clock_disarm(l->clk, &n->hold);
+		bb_stream_io_stop(n->io);
+		bb_stream_disk_stop(n->disk);
 		bb_stream_destroy(n->stream);
 		free(n->screens);
 		free(n->views);

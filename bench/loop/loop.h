@@ -13,7 +13,7 @@
 #define BB_BENCH_LOOP_H
 
 #include "hal/profile.h"
-#include "render/stream/stream.h"
+#include "render/stream/io.h"
 #include "bench/ledger.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
@@ -77,6 +77,9 @@ struct bb_node_machine { /* one node of the room */
 	uint16_t *screens;                /* indices into room->screens */
 	struct bb_profile profile;
 	struct bb_stream *stream;
+	struct bb_stream_io *io;          /* posix: its reader */
+	struct bb_stream_disk *disk;      /* virtual: the model of one */
+	int64_t draw_ns;                  /* of the last frame, without what was uploaded */
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
 	struct bb_timer inbox, ready, hold;
@@ -107,6 +110,7 @@ struct bb_frame_loop {
 	bool picture_frame;               /* this frame's pictures are wanted */
 	struct bb_image canvas;           /* posix: drawn into, grown to the largest screen at creation */
 
+	struct bb_pose start;             /* of the eyes, when the scene begins */
 	struct bb_rate frame_rate;        /* of the loop: refresh, or half of it when frame-sequential */
 	int64_t frame_ns, refresh_ns;     /* a frame may be two refreshes long */
 	unsigned n_eyes;
@@ -121,6 +125,7 @@ struct bb_frame_loop {
 	uint64_t closed;                  /* frames below this are closed */
 	struct bb_pose navigation;        /* room to world */
 	double steps, ahead[BB_AHEAD];    /* time in the data: now, and in so many times seconds_per_step */
+	int32_t way;                      /* it goes on, back, or stands still */
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
@@ -159,6 +164,7 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
+	int32_t way, none;
 };
 
 /* Between the loop's files. */
@@ -177,6 +183,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_node_fill(struct bb_node_machine *n);
 void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
