@@ -254,6 +254,45 @@ static void threads_and_trees_change_nothing(void **ctx)
 	scene_free(s);
 }
 
+/* "cpu" draws what its kernels of one volume do not by these; what both can draw looks alike. */
+static void the_cpu_renderer_has_it_all(void **ctx)
+{
+	struct bb_renderer *cpu;
+
+	(void)ctx;
+	need_kernel();
+	assert_int_equal(bb_renderer_cpu_create(fixture.kernel, 2, &cpu, NULL), BB_OK);
+	for (int i = 0; i < 3; i++) {
+		struct scene *s = i < 2 ? scene_two_volumes(scene_levels, NULL) : scene_ball(true, cover_leaves, NULL);
+		if (!i)
+			scene_add_meshes(s);
+		assert_true(same_pictures(cpu, fixture.layers, s, 6));
+		bb_renderer_forget(cpu);
+		scene_free(s);
+	}
+	for (int i = 0; i < 4; i++) { /* levels; steps by them; blended */
+		struct scene *s = scene_two_volumes(scene_levels, NULL);
+		const struct bb_view view = scene_view(i);
+		const struct bb_draw draw = { .view = &view, .layers = s->layer, .n_layers = 1, .step_voxels = 0.5,
+					      .steps_by_level = i & 1, .blend_levels = i > 1 };
+		struct bb_image a, b;
+		struct bb_image_difference d;
+		assert_int_equal(bb_image_create(90, 70, &a), BB_OK);
+		assert_int_equal(bb_image_create(90, 70, &b), BB_OK);
+		assert_int_equal(bb_renderer_draw(cpu, &draw, &a, NULL), BB_OK);
+		assert_int_equal(bb_renderer_draw(fixture.layers, &draw, &b, NULL), BB_OK);
+		assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
+		printf("%s, one volume both ways, by level %d, blended %d: %.1f dB, most %u\n", fixture.kernel, i & 1,
+		       i > 1, d.psnr_db, d.most);
+		assert_true(d.psnr_db > (i > 1 ? 199 : 55));
+		bb_renderer_forget(cpu);
+		bb_image_release(&a);
+		bb_image_release(&b);
+		scene_free(s);
+	}
+	bb_renderer_destroy(cpu);
+}
+
 static void a_damaged_mesh_is_refused(void **ctx)
 {
 	const struct bb_view view = scene_view(0);
@@ -389,6 +428,7 @@ int main(void)
 		cmocka_unit_test(every_sample_has_its_points_value),
 		cmocka_unit_test(every_spherical_sample_has),
 		cmocka_unit_test(threads_and_trees_change_nothing),
+		cmocka_unit_test(the_cpu_renderer_has_it_all),
 		cmocka_unit_test(a_damaged_mesh_is_refused),
 		cmocka_unit_test(a_square_divides_a_slab),
 		cmocka_unit_test(equal_distances_go_by_layer),
