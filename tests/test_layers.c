@@ -57,6 +57,27 @@ static void a_spherical_volume_does(void **ctx)
 }
 
 
+/* Noise shows every misplaced voxel, at the end of phi above all, where the last brick is not full. */
+static void a_ball_of_noise_has_no_end_of_phi(void **ctx)
+{
+	uint32_t state = 12;
+
+	(void)ctx;
+	need_kernel();
+	struct scene *s = scene_make();
+	const struct bb_build_config config = { .edge = 16, .pad = 1, .type = BB_BRICK_F32, .has_range = true, .most = 1,
+						.grid = BB_BRICK_SPHERICAL,
+						.extent = { 1, 3, 0, SCENE_PI, -2, 2 * SCENE_PI - 2 } };
+	const struct bb_placement here = { { { 0.1, 1.4, -0.3 }, bb_quat_euler_deg(60, 10, -5) }, { 1.2, 1.2, 1.2 } };
+	struct bb_volume *v = scene_ball_volume((const uint32_t[]){ 12, 14, 21 }, config.extent, true);
+	for (size_t i = 0; i < (size_t)12 * 14 * 21; i++) {
+		state = state * 1664525U + 1013904223U;
+		v->values[i] = (float)(state >> 8) * 0x1p-24F;
+	}
+	scene_add(s, v, &config, 0, &here, cover_leaves, NULL);
+	assert_true(worst_of(s, "noise") >= 50);
+}
+
 /* ---- sample by sample ---- */
 
 struct count {
@@ -425,6 +446,7 @@ int main(void)
 		cmocka_unit_test(two_volumes_agree_with_the_reference),
 		cmocka_unit_test(meshes_between_them_do),
 		cmocka_unit_test(a_spherical_volume_does),
+		cmocka_unit_test(a_ball_of_noise_has_no_end_of_phi),
 		cmocka_unit_test(every_sample_has_its_points_value),
 		cmocka_unit_test(every_spherical_sample_has),
 		cmocka_unit_test(threads_and_trees_change_nothing),
