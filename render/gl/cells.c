@@ -162,9 +162,12 @@ static uint64_t all_parts(uint32_t parts)
 	return all;
 }
 
-static uint32_t up_of(const struct bb_atlas_cell *c)
+/* Of the finer one of the bricks; cells of one value have none. */
+static uint32_t up_of(const struct bb_atlas_cell *a, const struct bb_atlas_cell *b)
 {
-	return c->slot < 0 ? 0 : c->up;
+	if (a->slot < 0)
+		return b->slot < 0 ? 0 : b->up;
+	return b->slot < 0 || a->up < b->up ? a->up : b->up;
 }
 
 static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
@@ -172,7 +175,7 @@ static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l
 {
 	const uint32_t parts = bb_gl_parts(atlas->edge);
 	const struct bb_atlas_cell *a = &atlas->map[0][i], *b = &atlas->map[atlas->n_shown > 1][i];
-	const uint32_t up = up_of(a) < up_of(b) ? up_of(a) : up_of(b);
+	const uint32_t up = up_of(a, b);
 	const uint64_t mask = parts_seen(atlas, sight, i, at, parts);
 
 	out->sign[i] = (struct bb_gl_sign){ .parts = { (uint32_t)mask, (uint32_t)(mask >> 32) } };
