@@ -150,11 +150,12 @@ static void sees_between_two_invisible_steps(void **ctx)
 	drawing_free(v);
 }
 
-/* The same colours with an opacity nobody can see where there was none: no brick is empty any more. */
+/* The same colours with an opacity nobody can see where there was none: no brick is empty any more. Which three samples
+ * go together changes, and with it how a coordinate is rounded: a pixel or two may fall on the other side of a level. */
 static void skipping_empty_bricks_changes_nothing(void **ctx)
 {
 	static const struct bb_transfer_point points[] = {
-		{ 0, 1, 1, 1, 0 }, { 0.55, 1, 1, 1, 0 }, { 0.7, 1, 0.6, 0, 0.2 }, { 1, 1, 1, 1, 0.4 }
+		{ 0, 1, 1, 1, 0 }, { 0.3, 1, 1, 1, 0 }, { 0.6, 1, 0.6, 0, 0.2 }, { 1, 1, 1, 1, 0.4 }
 	};
 	static const uint32_t edges[] = { 8, 16, 32, 20 };
 	const struct bb_transfer sparse = drawing_transfer(BB_ARRAY_LEN(points), points);
@@ -175,7 +176,7 @@ static void skipping_empty_bricks_changes_nothing(void **ctx)
 					b = drawing_picture(fixture.gl, &full, 1, i, 0.5, NULL);
 			assert_int_equal(bb_image_compare(&a, &b, &diff), BB_OK);
 			assert_true(diff.n_pixels > 100);
-			assert_int_equal(diff.n_differ, 0);
+			assert_true(diff.most <= 1 && diff.n_differ <= 10);
 			bb_image_release(&a);
 			bb_image_release(&b);
 		}
@@ -204,7 +205,7 @@ static size_t seen_cells(const struct bb_atlas *atlas, const struct bb_gl_cells 
 /* Bricks that show nothing, parts of a brick that do not, and how far a ray may go where all is alike. */
 static void signs_say_what_can_be_skipped(void **ctx)
 {
-	static const struct bb_transfer_point points[] = { { 0, 1, 1, 1, 0 }, { 0.55, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0.4 } };
+	static const struct bb_transfer_point points[] = { { 0, 1, 1, 1, 0 }, { 0.3, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0.4 } };
 	const struct bb_transfer sparse = drawing_transfer(BB_ARRAY_LEN(points), points), full = drawing_transfer(1, points + 2);
 	struct drawing d = drawing_of(fixture.volume, &sparse, 16, BB_BRICK_F32, 0, cover_leaves, NULL);
 	const struct bb_atlas *atlas = d.layer.atlas;
@@ -220,11 +221,12 @@ static void signs_say_what_can_be_skipped(void **ctx)
 	(void)ctx;
 	assert_true(bb_gl_layout_make(atlas->n_slots, atlas->stored, 4, 2048, &layout));
 	bb_gl_sight_make(&sparse, sight);
-	bb_gl_cells_fill(atlas, &layout, texel, sight, false, &cells);
+	bb_gl_cells_fill(atlas, &layout, texel, sight, &cells);
 	const size_t seen = seen_cells(atlas, &cells, &partly, &widest);
+	printf("%zu cells, %zu seen, %zu of them in part\n", n, seen, partly);
 	assert_true(n == 60 && seen > 10 && seen < 50 && partly > 5 && !cells.any_flat);
 	bb_gl_sight_make(&full, sight);
-	bb_gl_cells_fill(atlas, &layout, texel, sight, false, &cells);
+	bb_gl_cells_fill(atlas, &layout, texel, sight, &cells);
 	assert_int_equal(seen_cells(atlas, &cells, &partly, &widest), n);
 	assert_true(partly == 0 && widest == 3); /* 5 x 4 x 3 cells: a cube of 8 holds them all */
 	free(sight);
@@ -350,7 +352,7 @@ static void only_what_changed_is_sent(void **ctx)
 	need_gl();
 	assert_int_equal(sent_for(&d.layer, 1), atlas->n_slots * atlas->slot_bytes + 3 * map_bytes + table_bytes);
 	assert_int_equal(sent_for(&d.layer, 1), 0);
-	for (uint32_t s = 3; s < 9; s += 1 + s % 2) { /* some beside each other */
+	for (uint32_t s = 3; s < 9; s += s == 4 ? 3 : 1) { /* 3, 4, 7, 8: pairs beside each other */
 		memset(d.cover->bricks + s * atlas->slot_bytes, 0, atlas->slot_bytes);
 		d.cover->generation[s] = ++atlas->generation;
 	}

@@ -131,12 +131,13 @@ static const char bb_cast_layer_glsl[] =
 	"#endif\n"
 	"}\n"
 	"\n"
-	/* Sample i@ and TAKES - 1 behind it: bricks know half a voxel more than what is theirs. */
+	/* Sample i@ and TAKES - 1 behind it, by the cell of the middle one, or of the last one that is to be taken: up to end@
+	 * all bricks are of one level, and each knows half a voxel more than what is its own. */
 	"void find@()\n"
 	"{\n"
 	"#if !SPHERICAL@\n"
 	"	vec3 at = first@ + i@ * stride@;\n"
-	"	place@(at, TAKES > 1 ? at + stride@ : at);\n"
+	"	place@(at, TAKES > 1 ? first@ + min(i@ + 1.0, end@ - 1.0) * stride@ : at);\n"
 	"#endif\n"
 	"}\n"
 	"\n"

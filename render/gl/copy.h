@@ -21,7 +21,6 @@ struct bb_gl_copy {
 	uint32_t levels;                 /* rows of the table; 0: none yet */
 	uint64_t generation, map_generation;
 	uint32_t n_shown;                /* maps */
-	bool by_level;
 	uint64_t *seen;                  /* [n_slots] generation sent; 0: none */
 	struct bb_gl_cells sent, next;   /* as it has gone; as it is to go */
 	bool any_sent;
