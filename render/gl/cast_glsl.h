@@ -52,7 +52,13 @@ static const char bb_cast_layer_glsl[] =
 	"#endif\n"
 	"uniform usampler3D u_signs@;\n"
 	"uniform sampler3D u_places_a@, u_places_b@, u_atlas@;\n"
+	"#if BY_LEVEL\n"
 	"uniform sampler2D u_table@;\n"
+	"#define ENTRY@(v) vec2(v * ((TABLE - 1.0) / TABLE) + 0.5 / TABLE, row@)\n"
+	"#else\n"
+	"uniform sampler1D u_table@;\n"
+	"#define ENTRY@(v) (v * ((TABLE - 1.0) / TABLE) + 0.5 / TABLE)\n"
+	"#endif\n"
 	"\n"
 	"vec3 first@, stride@, inverse@, behind@, ahead@;\n"
 	"float enter@, i@, n@, end@, every@;\n" /* the next sample, how many, where to ask again, how many at once */
@@ -84,7 +90,7 @@ static const char bb_cast_layer_glsl[] =
 	"#endif\n"
 	"}\n"
 	"\n"
-	"vec4 shade@(float v) { return texture(u_table@, vec2(v * (float(TABLE - 1) / float(TABLE)) + 0.5 / float(TABLE), row@)); }\n"
+	"vec4 shade@(float v) { return texture(u_table@, ENTRY@(v)); }\n"
 	"\n"
 	/* m samples of one value. The logarithm of what is left: its built-in loses what little a thin mist takes. */
 	"vec4 shade@(float v, float m)\n"

@@ -16,7 +16,7 @@ static const struct format { /* of voxels, by enum bb_brick_type */
 
 static GLenum target_of(enum bb_gl_texture which)
 {
-	return which == BB_GL_TABLE ? GL_TEXTURE_2D : GL_TEXTURE_3D;
+	return which == BB_GL_TABLE ? GL_TEXTURE_1D : which == BB_GL_TABLES ? GL_TEXTURE_2D : GL_TEXTURE_3D;
 }
 
 void bb_gl_copy_init(struct bb_gl_copy *c, const struct bb_gl *gl)
@@ -312,7 +312,10 @@ static enum bb_status send_table(struct bb_gl_copy *c, const struct bb_gl *gl, c
 	for (uint32_t up = 0; up < levels; up++)
 		fill_row(tf, step_voxels * (double)(UINT32_C(1) << up), table + (size_t)up * BB_GL_TABLE_ENTRIES);
 	use(c, gl, BB_GL_TABLE);
-	gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
+	gl->TexImage1D(GL_TEXTURE_1D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, 0, GL_RGBA, GL_FLOAT, table);
+	use(c, gl, BB_GL_TABLES);
+	if (levels > 1)
+		gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
 	free(table);
 	if (!c->levels || !same_transfer(&c->transfer, tf)) {
 		bb_gl_sight_make(tf, &c->sight);

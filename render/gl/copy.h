@@ -10,7 +10,7 @@
 #include "render/renderer_driver.h"
 
 /* Textures of a layer; units in this order. */
-enum bb_gl_texture { BB_GL_ATLAS, BB_GL_PLACES_A, BB_GL_PLACES_B, BB_GL_SIGNS, BB_GL_TABLE, BB_GL_TEXTURES };
+enum bb_gl_texture { BB_GL_ATLAS, BB_GL_PLACES_A, BB_GL_PLACES_B, BB_GL_SIGNS, BB_GL_TABLE, BB_GL_TABLES, BB_GL_TEXTURES };
 
 struct bb_gl_copy {
 	GLuint name[BB_GL_TEXTURES];
