@@ -64,7 +64,8 @@ static void put_rays(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *
 	gl->Uniform1f(u->u_step_m, (float)rays->step_m);
 }
 
-static void put_atlas(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *u, const struct bb_gl_copy *c, GLint unit)
+static void put_atlas(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *u, const struct bb_gl_copy *c, bool by_level,
+		      GLint unit)
 {
 	const struct bb_atlas *atlas = c->atlas;
 	struct bb_spherical ball;
@@ -81,7 +82,7 @@ static void put_atlas(const struct bb_gl *gl, const struct bb_gl_layer_uniforms 
 	gl->Uniform1i(u->u_places_a, unit + BB_GL_PLACES_A);
 	gl->Uniform1i(u->u_places_b, unit + BB_GL_PLACES_B);
 	gl->Uniform1i(u->u_signs, unit + BB_GL_SIGNS);
-	gl->Uniform1i(u->u_table, unit + BB_GL_TABLE);
+	gl->Uniform1i(u->u_table, unit + (by_level ? BB_GL_TABLES : BB_GL_TABLE));
 	if (atlas->kind != BB_BRICK_SPHERICAL)
 		return;
 	bb_spherical_of(atlas->dim, atlas->extent, &ball);
@@ -162,7 +163,7 @@ static void put(const struct caster *c, const struct bb_gl_program *p, const str
 	gl->Uniform2f(p->u_pixel, 1.0F / (float)rays->width, 1.0F / (float)rays->height);
 	for (size_t k = 0; k < draw->n_layers; k++) {
 		put_rays(gl, &p->layer[k], &rays[k]);
-		put_atlas(gl, &p->layer[k], &c->copy[k], (GLint)k * BB_GL_TEXTURES);
+		put_atlas(gl, &p->layer[k], &c->copy[k], draw->steps_by_level, (GLint)k * BB_GL_TEXTURES);
 		bb_gl_copy_bind(&c->copy[k], gl, (unsigned)k * BB_GL_TEXTURES);
 	}
 	if (!draw->n_meshes)

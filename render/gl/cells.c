@@ -162,9 +162,12 @@ static uint64_t all_parts(uint32_t parts)
 	return all;
 }
 
-static uint32_t up_of(const struct bb_atlas_cell *c)
+/* Of the finer one of the bricks; cells of one value have none. */
+static uint32_t up_of(const struct bb_atlas_cell *a, const struct bb_atlas_cell *b)
 {
-	return c->slot < 0 ? 0 : c->up;
+	if (a->slot < 0)
+		return b->slot < 0 ? 0 : b->up;
+	return b->slot < 0 || a->up < b->up ? a->up : b->up;
 }
 
 static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
@@ -172,16 +175,17 @@ static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l
 {
 	const uint32_t parts = bb_gl_parts(atlas->edge);
 	const struct bb_atlas_cell *a = &atlas->map[0][i], *b = &atlas->map[atlas->n_shown > 1][i];
-	const uint32_t up = up_of(a) < up_of(b) ? up_of(a) : up_of(b);
+	const uint32_t up = up_of(a, b);
 	const uint64_t mask = parts_seen(atlas, sight, i, at, parts);
 
 	out->sign[i] = (struct bb_gl_sign){ .parts = { (uint32_t)mask, (uint32_t)(mask >> 32) } };
 	out->place[0][i] = place_of(atlas, l, texel, a, at);
 	out->place[1][i] = atlas->n_shown > 1 ? place_of(atlas, l, texel, b, at) : (struct bb_gl_place){ .shrink = 0 };
-	out->any_flat |= mask && (a->slot < 0 || b->slot < 0);
-	if (mask)
-		out->sign[i].word = up << 4 | BB_GL_SIGN_SEEN | (mask == all_parts(parts) ? 0 : BB_GL_SIGN_PARTLY) |
-				    (a->slot < 0 && b->slot < 0 ? BB_GL_SIGN_FLAT : 0);
+	if (!mask)
+		return;
+	out->any_flat |= a->slot < 0 || b->slot < 0;
+	out->sign[i].word = up << 4 | BB_GL_SIGN_SEEN | (mask == all_parts(parts) ? 0 : BB_GL_SIGN_PARTLY) |
+			    (a->slot < 0 && b->slot < 0 ? BB_GL_SIGN_FLAT : 0);
 }
 
 /* ---- how far a ray may go ---- */
@@ -189,7 +193,6 @@ static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l
 struct joining {
 	const struct bb_gl_cells *cells;
 	const uint32_t *n;
-	bool by_level;
 };
 
 static size_t index_of(const struct joining *j, uint32_t x, uint32_t y, uint32_t z)
@@ -197,16 +200,20 @@ static size_t index_of(const struct joining *j, uint32_t x, uint32_t y, uint32_t
 	return ((size_t)z * j->n[1] + y) * j->n[0] + x;
 }
 
-/* Cells that show nothing are alike, and so are cells of bricks, whichever they are; of one value, those of the same. */
+static bool same_level(const struct bb_gl_place *a, const struct bb_gl_place *b)
+{
+	return a->shrink > 0 ? a->shrink == b->shrink : !memcmp(a, b, sizeof(*a));
+}
+
+/* Cells that show nothing are alike, and so are cells of bricks of one level, whichever they are: a brick's padding knows
+ * its neighbours of the same level. Of one value: those of the same. */
 static bool alike(const struct joining *j, size_t a, size_t b)
 {
 	const struct bb_gl_cells *c = j->cells;
-	const uint32_t differ = c->sign[a].word ^ c->sign[b].word, up = UINT32_C(31) << 4;
 
-	if (j->by_level ? differ : differ & ~up)
-		return false;
-	return !(c->sign[a].word & BB_GL_SIGN_FLAT) || (!memcmp(&c->place[0][a], &c->place[0][b], sizeof(*c->place[0])) &&
-							!memcmp(&c->place[1][a], &c->place[1][b], sizeof(*c->place[1])));
+	return c->sign[a].word == c->sign[b].word &&
+	       (!(c->sign[a].word & BB_GL_SIGN_SEEN) ||
+		(same_level(&c->place[0][a], &c->place[0][b]) && same_level(&c->place[1][a], &c->place[1][b])));
 }
 
 static uint32_t end_of(uint32_t from, uint32_t wide, uint32_t most)
@@ -235,10 +242,10 @@ static void join(const struct joining *j, const uint32_t from[3], uint32_t k)
 }
 
 void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
-		      const struct bb_gl_sight *sight, bool by_level, struct bb_gl_cells *out)
+		      const struct bb_gl_sight *sight, struct bb_gl_cells *out)
 {
 	const uint32_t *n = atlas->grid, xy = n[0] > n[1] ? n[0] : n[1], most = xy > n[2] ? xy : n[2];
-	const struct joining j = { out, n, by_level };
+	const struct joining j = { out, n };
 	uint32_t at[3];
 	size_t i = 0;
 

@@ -35,7 +35,7 @@ struct bb_gl_place {
 	float at[3], shrink;
 };
 
-/* What is to be seen of a cell: bits 0..3: so is all of the aligned cube of 2^bits cells around it; 4..8: levels above the
+/* What is to be seen of a cell: bits 0..3: the aligned cube of 2^bits cells around it is all alike; 4..8: levels above the
  * leaves, of the finer of two bricks; the others as below. */
 struct bb_gl_sign {
 	uint32_t word, unused, parts[2]; /* bit x + 4 y + 16 z: that part can show something */
@@ -49,8 +49,8 @@ struct bb_gl_cells { /* [cells z][y][x], the caller's */
 	struct bb_gl_sign *sign;
 	bool any_flat; /* a cell of one value can be seen */
 };
-/* texel: 1 / voxels of the texture along each axis. by_level: cubes of cells are of one level. */
+/* texel: 1 / voxels of the texture along each axis. */
 void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
-		      const struct bb_gl_sight *sight, bool by_level, struct bb_gl_cells *out);
+		      const struct bb_gl_sight *sight, struct bb_gl_cells *out);
 
 #endif

@@ -16,7 +16,7 @@ static const struct format { /* of voxels, by enum bb_brick_type */
 
 static GLenum target_of(enum bb_gl_texture which)
 {
-	return which == BB_GL_TABLE ? GL_TEXTURE_2D : GL_TEXTURE_3D;
+	return which == BB_GL_TABLE ? GL_TEXTURE_1D : which == BB_GL_TABLES ? GL_TEXTURE_2D : GL_TEXTURE_3D;
 }
 
 void bb_gl_copy_init(struct bb_gl_copy *c, const struct bb_gl *gl)
@@ -242,16 +242,16 @@ static enum bb_status send_cells(const struct bb_gl_copy *c, const struct bb_gl 
 }
 
 static enum bb_status send_map(struct bb_gl_copy *c, const struct bb_gl *gl, struct bb_gl_sender *sender,
-			       bool by_level, uint64_t *bytes, struct bb_error *err)
+			       uint64_t *bytes, struct bb_error *err)
 {
 	const struct bb_atlas *atlas = c->atlas;
 	const struct bb_gl_cells sent = c->sent;
 	struct bb_gl_cells next = c->next;
 	enum bb_status st = BB_OK;
 
-	if (c->map_generation == atlas->map_generation && c->n_shown == atlas->n_shown && c->by_level == by_level)
+	if (c->map_generation == atlas->map_generation && c->n_shown == atlas->n_shown)
 		return BB_OK;
-	bb_gl_cells_fill(atlas, &c->layout, c->texel, &c->sight, by_level, &next);
+	bb_gl_cells_fill(atlas, &c->layout, c->texel, &c->sight, &next);
 	for (int k = 0; k < 2 && st == BB_OK; k++)
 		st = send_cells(c, gl, sender, k ? BB_GL_PLACES_B : BB_GL_PLACES_A, next.place[k], sent.place[k],
 				sizeof(*next.place[k]), bytes, err);
@@ -264,7 +264,6 @@ static enum bb_status send_map(struct bb_gl_copy *c, const struct bb_gl *gl, str
 	c->any_sent = true;
 	c->map_generation = atlas->map_generation;
 	c->n_shown = atlas->n_shown;
-	c->by_level = by_level;
 	return BB_OK;
 }
 
@@ -313,7 +312,10 @@ static enum bb_status send_table(struct bb_gl_copy *c, const struct bb_gl *gl, c
 	for (uint32_t up = 0; up < levels; up++)
 		fill_row(tf, step_voxels * (double)(UINT32_C(1) << up), table + (size_t)up * BB_GL_TABLE_ENTRIES);
 	use(c, gl, BB_GL_TABLE);
-	gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
+	gl->TexImage1D(GL_TEXTURE_1D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, 0, GL_RGBA, GL_FLOAT, table);
+	use(c, gl, BB_GL_TABLES);
+	if (levels > 1)
+		gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
 	free(table);
 	if (!c->levels || !same_transfer(&c->transfer, tf)) {
 		bb_gl_sight_make(tf, &c->sight);
@@ -339,5 +341,5 @@ enum bb_status bb_gl_copy_update(struct bb_gl_copy *c, const struct bb_gl *gl, s
 				draw->steps_by_level ? levels_of(layer->atlas) : 1, upload_bytes, err);
 	if (st == BB_OK)
 		st = send_slots(c, gl, sender, upload_bytes, err);
-	return st == BB_OK ? send_map(c, gl, sender, draw->steps_by_level, upload_bytes, err) : st;
+	return st == BB_OK ? send_map(c, gl, sender, upload_bytes, err) : st;
 }

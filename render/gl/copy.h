@@ -10,7 +10,7 @@
 #include "render/renderer_driver.h"
 
 /* Textures of a layer; units in this order. */
-enum bb_gl_texture { BB_GL_ATLAS, BB_GL_PLACES_A, BB_GL_PLACES_B, BB_GL_SIGNS, BB_GL_TABLE, BB_GL_TEXTURES };
+enum bb_gl_texture { BB_GL_ATLAS, BB_GL_PLACES_A, BB_GL_PLACES_B, BB_GL_SIGNS, BB_GL_TABLE, BB_GL_TABLES, BB_GL_TEXTURES };
 
 struct bb_gl_copy {
 	GLuint name[BB_GL_TEXTURES];
@@ -21,7 +21,6 @@ struct bb_gl_copy {
 	uint32_t levels;                 /* rows of the table; 0: none yet */
 	uint64_t generation, map_generation;
 	uint32_t n_shown;                /* maps */
-	bool by_level;
 	uint64_t *seen;                  /* [n_slots] generation sent; 0: none */
 	struct bb_gl_cells sent, next;   /* as it has gone; as it is to go */
 	bool any_sent;
