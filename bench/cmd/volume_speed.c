@@ -25,7 +25,7 @@
 #include "render/parallel.h"
 
 #define ROUNDS_MOST 999
-#define ROUND_WARM_BYTES (8u << 20) /* a millisecond or so: less than a turn of another process */
+#define ROUND_WARM_BYTES (1u << 20) /* or a batch: well below a turn of another process */
 #define ROUND_COLD_BYTES (64u << 20)
 #define POOL_BYTES (128u << 20)    /* of slots, for each thread: several times what the caches hold */
 #define WAITING_BYTES (16u << 20)  /* and for each of those that wait for the disk */
