@@ -174,6 +174,10 @@ lint:
 bench: all
 	build/blackburst bench --out build/bench.json
 
+# The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
+bench-gl: $B/tests/bench_gl
+	@$<
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -208,6 +212,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)
