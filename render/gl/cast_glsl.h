@@ -5,7 +5,8 @@
  * "@" in a piece stands for the layer's number. A ray asks the map where it is, walks to the end of what is alike there
  * and asks again; samples always lie at whole numbers of steps, so that what a brick is can change which texture is read
  * but never where. llvmpipe runs both sides of a branch, and a loop at least once: loops are
- * few, and test at their end.
+ * few, and test at their end. What such a loop computes afresh in each round goes on being computed for a pixel that has
+ * left it while others of its group have not: after the loop it must not matter, or come out the same once more.
  */
 #ifndef BB_RENDER_GL_CAST_GLSL_H
 #define BB_RENDER_GL_CAST_GLSL_H
@@ -166,7 +167,7 @@ static const char bb_cast_layer_glsl[] =
 	"		bool seen = (sign.x & uint(SEEN)) != 0u && (!partly || (bits & 1u) != 0u);\n"
 	"		low += partly ? part * wide : vec3(0.0);\n"
 	"#if SPHERICAL@\n"
-	"		float stop = i@ + 1.0;\n"
+	"		float stop = min(n@, i@ + 1.0);\n"
 	"		seen = seen && inside;\n"
 	"#else\n"
 	"		vec3 last = low * inverse@ + (wide * ahead@ - behind@);\n"
@@ -229,13 +230,6 @@ static const char bb_cast_alone_glsl[] =
 	"	while (i0 < n0) {\n"
 	"		advance0();\n"
 	"		do {\n"
-	"#if TAKES > 1\n"
-	"			find0();\n"
-	"			sum += (1.0 - sum.w) * taken0();\n"
-	"			sum += (i0 + 1.0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
-	"			sum += (i0 + 2.0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
-	"			i0 = min(i0 + 3.0, end0);\n"
-	"#endif\n"
 	"			find0();\n"
 	"			sum += (i0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
 	"#if TAKES > 1\n"
