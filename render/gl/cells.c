@@ -3,10 +3,12 @@
 #include <string.h>
 
 #define MARGIN 8 /* 65535ths: more than one entry of the table */
-#define SHADE (65536 / BB_GL_SHADES)
+#define SHADE 16 /* 65536 / SHADES */
 #define ACROSS_MOST 8
 #define ROW_BYTES 64 /* rows of a texture begin at multiples of this */
 #define JUMP_MOST 15
+
+_Static_assert(SHADE * BB_GL_SHADES == 65536, "shades are all of a range");
 
 void bb_gl_sight_make(const struct bb_transfer *tf, struct bb_gl_sight *out)
 {
@@ -205,7 +207,7 @@ static size_t index_of(const struct joining *j, uint32_t x, uint32_t y, uint32_t
 
 static bool same_level(const struct bb_gl_place *a, const struct bb_gl_place *b)
 {
-	return a->shrink > 0 ? a->shrink == b->shrink : !memcmp(a, b, sizeof(*a));
+	return a->shrink == b->shrink && (a->shrink > 0 || a->at[0] == b->at[0]);
 }
 
 /* Cells that show nothing are alike, and so are cells of bricks of one level, whichever they are: a brick's padding knows
