@@ -183,6 +183,10 @@ GIB ?= 16
 bench-volume: all
 	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
+# The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
+bench-gl: $B/tests/bench_gl
+	@$<
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -218,5 +222,6 @@ help:
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench bench-volume fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)
