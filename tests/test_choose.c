@@ -1,6 +1,5 @@
 /* tests/test_choose.c: what every way of choosing bricks must hold, and how far the heuristics are from the optimum. */
-#include "render/bricks/choose.h"
-#include "render/bricks/gain.h"
+#include "render/bricks/selector.h"
 #include "tests/brick_rig.h"
 
 static struct bb_transfer tent(void) /* sees the upper half, with a peak */
@@ -219,42 +218,109 @@ static double cost_of(const struct choosing *c, const float *cost, size_t n)
 	return sum;
 }
 
-/* Regret: how much more leaf error a heuristic leaves than the optimum, over budgets. */
-static void the_regret_of_each_method_is_known(void **state)
+/* The smallest tolerance in space, and one in time in such a ratio to it, that need no more bricks. */
+static size_t choose_in_ratio(struct choosing *c, const struct bb_selector *s, const struct bb_ratings *r,
+			      uint32_t memory, double ratio)
 {
-	double regret[BB_GAIN_METHODS + 1] = { 0 };
-	const char *const names[] = { "opacity", "leaf", "child", "uniform" };
-	struct choosing c;
+	struct bb_selector_ask ask = { .step = 1 };
+	double low = 1e-7, high = 1e30;
+
+	while (high / low > 1.001) {
+		ask.space_most = sqrt(low * high);
+		ask.time_most = ask.space_most * ratio;
+		if (s->choose(c->t, r, &ask, c->heap, c->out) <= memory)
+			high = ask.space_most;
+		else
+			low = ask.space_most;
+	}
+	ask.space_most = high;
+	ask.time_most = high * ratio;
+	return s->choose(c->t, r, &ask, c->heap, c->out);
+}
+
+/* The least error a selector leaves in so many bricks; one by tolerance with the best of 17 ratios of its two. */
+static double least_within(struct choosing *c, const struct bb_selector *s, const struct bb_ratings *r,
+			   const float *cost, uint32_t memory)
+{
+	const struct bb_selector_ask ask = { .step = 1, .budget = { memory, 0 } };
+	double least = (double)INFINITY;
+
+	for (int k = -8; k <= (s->by_tolerance ? 8 : -8); k++) {
+		const size_t n = s->by_tolerance ? choose_in_ratio(c, s, r, memory, pow(10, k / 2.0))
+						 : s->choose(c->t, r, &ask, c->heap, c->out);
+		assert_true(n >= 1 && n <= memory);
+		covers(c->t, c->out, n, 1);
+		least = fmin(least, cost_of(c, cost, n));
+	}
+	return least;
+}
+
+/* How much more leaf error, by colours as they are mixed or seen, a selector leaves than the optimum; over budgets. */
+static double regret(struct choosing *c, const struct bb_selector *s, const float *cost)
+{
+	const struct bb_transfer tf = tent();
+	struct bb_ratings r = { c->space, c->time, c->work };
+	struct bb_error err = { 0 };
+	double sum = 0;
 	int n_budgets = 0;
+
+	assert_int_equal(s->rate(c->b, &tf, &r, &err), BB_OK);
+	for (uint32_t memory = 8; memory <= 256; memory = memory * 3 / 2, n_budgets++) {
+		const size_t n = bb_choose_optimum(c->t, cost, 1, memory, c->out);
+		assert_true(n >= 1 && n <= memory);
+		covers(c->t, c->out, n, 1);
+		const double least = cost_of(c, cost, n);
+		const double here = least_within(c, s, &r, cost, memory);
+		assert_true(here >= least * 0.9999);
+		sum += (here - least) / (double)cost[0];
+	}
+	return 100 * sum / n_budgets;
+}
+
+static void the_regret_of_each_selector_is_known(void **state)
+{
+	static const enum bb_gain_colour colour[2] = { BB_GAIN_RGB, BB_GAIN_LAB };
+	const struct bb_transfer tf = tent();
+	struct bb_error err = { 0 };
+	struct bb_gain_weights w;
+	struct choosing c;
+	float *cost[2];
+	double leaf = 0, uniform = 0;
 	(void)state;
 
 	begin(&c, 64, 56, 48, 4, 8);
-	rate(&c, BB_GAIN_LEAF); /* work: the leaf error of every brick */
-	float *cost = malloc(c.t->n_bricks * 4);
-	assert_non_null(cost);
-	memcpy(cost, c.work, c.t->n_bricks * 4);
-	for (uint32_t memory = 8; memory <= 256; memory = memory * 3 / 2, n_budgets++) {
-		const struct bb_choose_budget budget = { memory, 0 };
-		size_t n = bb_choose_optimum(c.t, cost, 1, memory, c.out);
-		assert_true(n >= 1 && n <= memory);
-		covers(c.t, c.out, n, 1);
-		const double least = cost_of(&c, cost, n), all = (double)cost[0];
-		for (int m = 0; m <= BB_GAIN_METHODS; m++) {
-			if (m < BB_GAIN_METHODS)
-				rate(&c, (enum bb_gain_method)m);
-			n = m < BB_GAIN_METHODS ? bb_choose_by_budget(c.t, c.space, c.time, 1, &budget, c.heap, c.out)
-						: bb_choose_uniform(c.t, 1, memory, c.out);
-			const double here = cost_of(&c, cost, n);
-			assert_true(here >= least * 0.9999);
-			regret[m] += (here - least) / all;
-		}
+	for (int k = 0; k < 2; k++) {
+		bb_gain_weights_of(&tf, colour[k], &w);
+		assert_int_equal(bb_gain_points(c.b, &w, BB_GAIN_LEAF, c.space, c.time, c.work, &err), BB_OK);
+		cost[k] = malloc(c.t->n_bricks * 4);
+		assert_non_null(cost[k]);
+		memcpy(cost[k], c.work, c.t->n_bricks * 4);
 	}
-	for (int m = 0; m <= BB_GAIN_METHODS; m++)
-		print_message("regret of %-8s %5.2f %% of the root's error, mean over %d budgets of 8 to 256 bricks\n",
-			      names[m], 100 * regret[m] / n_budgets, n_budgets);
-	assert_true(regret[BB_GAIN_LEAF] <= regret[BB_GAIN_METHODS]); /* better than no choice at all */
-	free(cost);
+	print_message(
+		"regret in %% of the root's error, mean over budgets of 8 to 256 bricks, error in RGB and in L*a*b*\n");
+	for (const struct bb_selector *s = bb_selectors; s->name; s++) {
+		const double rgb = regret(&c, s, cost[0]), lab = regret(&c, s, cost[1]);
+		print_message("%-18s %6.2f %6.2f\n", s->name, rgb, lab);
+		leaf = strcmp(s->name, "leaf") ? leaf : rgb;
+		uniform = strcmp(s->name, "uniform") ? uniform : rgb;
+		assert_true(strcmp(s->name, "optimum") || rgb < 1e-6);
+		assert_true(strcmp(s->name, "leaf-lab") || lab < 0.5);
+	}
+	assert_true(leaf < 0.5 && leaf <= uniform); /* better than no choice at all */
+	free(cost[0]);
+	free(cost[1]);
 	end(&c);
+}
+
+static void every_selector_has_a_name_of_its_own(void **state)
+{
+	(void)state;
+
+	assert_null(bb_selector_find("no such"));
+	for (const struct bb_selector *s = bb_selectors; s->name; s++) {
+		assert_ptr_equal(bb_selector_find(s->name), s);
+		assert_true(s->rate && s->choose && s->line);
+	}
 }
 
 int main(void)
@@ -265,7 +331,8 @@ int main(void)
 		cmocka_unit_test(tolerance_is_a_dial),
 		cmocka_unit_test(uniform_takes_the_finest_level_that_fits),
 		cmocka_unit_test(the_optimum_is_the_best_of_all),
-		cmocka_unit_test(the_regret_of_each_method_is_known),
+		cmocka_unit_test(the_regret_of_each_selector_is_known),
+		cmocka_unit_test(every_selector_has_a_name_of_its_own),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -13,7 +13,8 @@
 
 static const struct bb_cli_option options[] = {
 	{ "out", "FILE", "the brick file (default: the first file's name with .bricks)" },
-	{ "generate", "cme", "no files: a generated sequence" },
+	{ "generate", "KIND", "no files: a generated sequence, cme, enlil, delta, wing or shock" },
+	{ "seed", "N", "of what is generated (default 1)" },
 	{ "dim", "XxYxZ", "its voxels (default 128x128x128)" },
 	{ "steps", "N", "its steps (default 8)" },
 	{ "brick", "N", "voxels along a brick's edge, even, 4 to 64 (default 32)" },
@@ -149,7 +150,7 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 				 struct bb_error *err)
 {
 	char folder[BB_PATH_MAX_BYTES];
-	double dim[3] = { 128, 128, 128 }, n_steps = 8;
+	double dim[3] = { 128, 128, 128 }, n_steps = 8, seed = 1;
 	enum bb_status status;
 
 	if (cli->n_args) {
@@ -168,7 +169,12 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 	if (status)
 		return status;
 	const uint32_t voxels[3] = { (uint32_t)dim[0], (uint32_t)dim[1], (uint32_t)dim[2] };
-	return bb_steps_generate(bb_cli_get(cli, "generate", ""), voxels, (uint32_t)n_steps, steps, err);
+	status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
+	if (!status)
+		status = bb_steps_generate(bb_cli_get(cli, "generate", ""), voxels, (uint32_t)n_steps, steps, err);
+	if (!status)
+		bb_steps_seed(*steps, (uint32_t)seed);
+	return status;
 }
 
 static int tell(const struct bb_cli *cli, const char *path, const struct bb_build_report *r, double took_s)

@@ -343,6 +343,10 @@ static bool sane(const struct bb_build_config *c, struct bb_build *b)
 		.pad = c->pad, .type = c->type, .codec = c->codec, .grid = c->grid, .least = c->least, .most = c->most
 	};
 	memcpy(b->h.extent, c->extent, sizeof(b->h.extent));
+	if (c->steps->spherical && c->grid == BB_BRICK_CARTESIAN) { /* the data know better */
+		b->h.grid = BB_BRICK_SPHERICAL;
+		memcpy(b->h.extent, c->steps->extent, sizeof(b->h.extent));
+	}
 	memcpy(b->h.spacing_mm, c->steps->spacing_mm, sizeof(b->h.spacing_mm));
 	snprintf(b->h.name, sizeof(b->h.name), "%s", c->steps->name);
 	return c->pad <= BB_BRICKS_PAD_MOST && c->threads >= 1 && c->threads <= BB_PARALLEL_MOST &&

@@ -1,4 +1,5 @@
 #include "render/bricks/gain.h"
+#include "render/bricks/perceived.h"
 
 #include <math.h>
 
@@ -7,6 +8,13 @@ const char *bb_gain_method_text(enum bb_gain_method method)
 	static const char *const text[BB_GAIN_METHODS] = { "opacity", "leaf", "child" };
 
 	return text[method];
+}
+
+const char *bb_gain_colour_text(enum bb_gain_colour colour)
+{
+	static const char *const text[BB_GAIN_COLOURS] = { "rgb", "lab" };
+
+	return text[colour];
 }
 
 void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out)
@@ -20,6 +28,38 @@ void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out)
 			sum += (to[k] - from[k]) * (to[k] - from[k]);
 		out->opacity[i] = (float)here[3];
 		out->change[i] = (float)(sqrt(sum) * BB_STATS_BINS * here[3]);
+	}
+}
+
+/* A slab over black as it is seen. */
+static void look_of(const struct bb_transfer *tf, double v, double lab[3])
+{
+	double rgba[4], over[3];
+
+	bb_transfer_at(tf, v, rgba);
+	const double opacity = bb_transfer_opacity_for_step(rgba[3], BB_GAIN_SLAB_VOXELS);
+	for (int k = 0; k < 3; k++)
+		over[k] = rgba[k] * opacity;
+	bb_perceived_lab(over, lab);
+}
+
+void bb_gain_weights_of(const struct bb_transfer *tf, enum bb_gain_colour colour, struct bb_gain_weights *out)
+{
+	static const double black[3];
+
+	if (colour == BB_GAIN_RGB) {
+		bb_gain_weights(tf, out);
+		return;
+	}
+	for (int i = 0; i < BB_STATS_BINS; i++) {
+		double from[3], here[3], to[3];
+		look_of(tf, (double)i / BB_STATS_BINS, from);
+		look_of(tf, (i + 0.5) / BB_STATS_BINS, here);
+		look_of(tf, (i + 1.0) / BB_STATS_BINS, to);
+		/* Through the middle: a peak within the bin would else be no change. */
+		const double way = bb_perceived_distance(from, here) + bb_perceived_distance(here, to);
+		out->opacity[i] = (float)(bb_perceived_distance(here, black) / 100);
+		out->change[i] = (float)(way / 100 * BB_STATS_BINS);
 	}
 }
 

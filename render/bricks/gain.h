@@ -20,11 +20,20 @@
 enum bb_gain_method { BB_GAIN_OPACITY, BB_GAIN_LEAF, BB_GAIN_CHILD, BB_GAIN_METHODS };
 const char *bb_gain_method_text(enum bb_gain_method method);
 
-/* Weight of each bin: how visible its values are, and how fast the picture changes there (eq. 3.7). */
+/*
+ * Weight of each bin: how visible its values are, and how fast the picture changes there. By colours as they are
+ * mixed: the opacity, and the change of colour and opacity times the opacity (eq. 3.7). As they are seen: the distance
+ * in CIE L*a*b*, in hundreds, of a slab of BB_GAIN_SLAB_VOXELS of that value over black, from black, and from a slab of
+ * a value beside it.
+ */
+enum bb_gain_colour { BB_GAIN_RGB, BB_GAIN_LAB, BB_GAIN_COLOURS };
+const char *bb_gain_colour_text(enum bb_gain_colour colour);
+#define BB_GAIN_SLAB_VOXELS 8
 struct bb_gain_weights {
 	float opacity[BB_STATS_BINS], change[BB_STATS_BINS];
 };
-void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out);
+void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out); /* RGB */
+void bb_gain_weights_of(const struct bb_transfer *tf, enum bb_gain_colour colour, struct bb_gain_weights *out);
 
 /*
  * Split points of all bricks, [n_bricks]; -1: there is nothing to split into. work: [n_bricks], of no use afterwards.
