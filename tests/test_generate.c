@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 
@@ -273,6 +274,53 @@ static void transfer_functions_are_sparse_and_filled(void **state)
 	}
 }
 
+static bool stop_at_once(void *ctx, uint64_t done, uint64_t total)
+{
+	(void)ctx;
+	(void)total;
+	return done < 2;
+}
+
+/* As files, and back: the same floats, the same grid. */
+static void written_and_read_again(void **state)
+{
+	static const char *const written[] = { "enlil", "shock" };
+	char dir[] = "/tmp/bb-generate-XXXXXX", path[64], voxels[64];
+	(void)state;
+
+	assert_non_null(mkdtemp(dir));
+	snprintf(path, sizeof(path), "%s/a.hdr.txt", dir);
+	snprintf(voxels, sizeof(voxels), "%s/a.raw", dir);
+	const char *const paths[] = { path };
+	for (size_t i = 0; i < BB_ARRAY_LEN(written); i++) {
+		struct sequence s = make(written[i], 19, 14, 23, 3, 5);
+		struct bb_steps *back;
+		struct bb_error err = { 0 };
+		float rows[19 * 14];
+		if (bb_steps_write(s.steps, path, 3, NULL, NULL, &err) != BB_OK ||
+		    bb_steps_open(paths, 1, dir, &back, &err) != BB_OK)
+			fail_msg("%s", err.text);
+		assert_memory_equal(back->dim, s.steps->dim, sizeof(back->dim));
+		assert_int_equal(back->n_steps, 3);
+		assert_int_equal(back->spherical, s.steps->spherical);
+		assert_memory_equal(back->extent, s.steps->extent, sizeof(back->extent));
+		for (uint32_t k = 0; k < 3 * 23; k++) {
+			assert_int_equal(bb_steps_rows(back, k / 23, k % 23, 0, 14, rows, &err), BB_OK);
+			assert_memory_equal(rows, s.voxels + (size_t)k * 19 * 14, sizeof(rows));
+		}
+		bb_steps_close(back);
+		assert_true(unlink(path) == 0 && unlink(voxels) == 0);
+		assert_int_equal(bb_steps_write(s.steps, path, 1, stop_at_once, NULL, &err), BB_SKIPPED);
+		assert_int_equal(bb_steps_write(s.steps, "a.raw", 1, NULL, NULL, &err), BB_ERR_CONFIG);
+		assert_int_equal(err.number, 1401);
+		err = (struct bb_error){ 0 };
+		assert_int_equal(bb_steps_write(s.steps, "/nowhere/a.hdr.txt", 1, NULL, NULL, &err), BB_ERR_IO);
+		assert_int_equal(err.number, 1901);
+		drop(&s);
+	}
+	assert_int_equal(rmdir(dir), 0); /* a stop leaves nothing */
+}
+
 static void nonsense_is_refused(void **state)
 {
 	static const struct {
@@ -302,6 +350,7 @@ int main(void)
 		cmocka_unit_test(vortices_widen_and_change_slowly),
 		cmocka_unit_test(a_front_runs_through_constant_gas),
 		cmocka_unit_test(transfer_functions_are_sparse_and_filled),
+		cmocka_unit_test(written_and_read_again),
 		cmocka_unit_test(nonsense_is_refused),
 	};
 

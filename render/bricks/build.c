@@ -23,7 +23,7 @@ static uint64_t slab_floats(const struct bb_build *b, uint32_t tile, uint32_t *p
 
 	*planes = (uint32_t)(deep < v[2] ? deep : v[2]);
 	*rows = (uint32_t)(wide < v[1] ? wide : v[1]);
-	return (uint64_t)b->h.tree.n_times * *planes * *rows * v[0];
+	return (uint64_t)b->h.tree.n_times * (*planes + bb_build_n_across(b)) * *rows * v[0];
 }
 
 static uint64_t coded_bytes(const struct bb_build *b, uint32_t tile)
@@ -70,7 +70,7 @@ static void take_slab(struct bb_build *b)
 	uint32_t planes, rows;
 	const uint64_t n = slab_floats(b, b->tile, &planes, &rows);
 
-	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows };
+	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows, .n_across = bb_build_n_across(b) };
 	b->slab.values = bb_build_alloc(b, n, sizeof(float), "a slab of all time nodes");
 	b->slab.places = bb_build_alloc(b, n, sizeof(uint16_t), "a slab of all time nodes");
 	for (unsigned i = 0; i < b->config->threads; i++)

@@ -13,6 +13,12 @@
  * spatial children, against its temporal children.
  * A padding voxel is the true neighbour of the same level and time, at the volume's faces the nearest voxel of it.
  * Voxels of a brick that lie outside the volume repeat the nearest one inside.
+ *
+ * Spherical grids: x, y, z are r, theta (from the pole) and phi. Voxel i of n of the finest level has its middle at
+ * from + (i + 0.5) / n * (to - from) of the extent. Where phi goes all the way round (bb_bricks_wraps) there is no face
+ * across phi: the neighbour of its last voxel is its first one of that level. The `pad` voxels beyond either end are
+ * those across the seam, whether they lie in a brick's padding or, where the last brick is not full, in the brick;
+ * what is farther outside repeats them. r and theta have faces as all other grids.
  */
 #ifndef BB_RENDER_BRICKS_FORMAT_H
 #define BB_RENDER_BRICKS_FORMAT_H

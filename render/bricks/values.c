@@ -7,11 +7,12 @@
 
 #define ZSTD_LEVEL 3
 
-static float part_of(const struct bb_bricks_header *h, float v)
+/* In double: a float has no place for the fractions of 65535 parts, and what is near a half would go the wrong way. */
+static double part_of(const struct bb_bricks_header *h, float v)
 {
 	const double span = h->most - h->least, part = span > 0 ? ((double)v - h->least) / span : 0;
 
-	return (float)(part > 0 ? (part < 1 ? part : 1) : 0);
+	return part > 0 ? (part < 1 ? part : 1) : 0;
 }
 
 void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n, uint8_t *out)
@@ -19,13 +20,14 @@ void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n,
 	switch (h->type) {
 	case BB_BRICK_U8:
 		for (size_t i = 0; i < n; i++)
-			out[i] = (uint8_t)(part_of(h, v[i]) * 255 + 0.5f);
+			out[i] = (uint8_t)(part_of(h, v[i]) * 255 + 0.5);
 		return;
 	case BB_BRICK_U16:
 	case BB_BRICK_F16:
 		for (size_t i = 0; i < n; i++) {
-			const float part = part_of(h, v[i]);
-			const uint16_t q = h->type == BB_BRICK_F16 ? bb_to_half(part) : (uint16_t)(part * 65535 + 0.5f);
+			const double part = part_of(h, v[i]);
+			const uint16_t q =
+				h->type == BB_BRICK_F16 ? bb_to_half((float)part) : (uint16_t)(part * 65535 + 0.5);
 			out[2 * i] = (uint8_t)(q & 0xff);
 			out[2 * i + 1] = (uint8_t)(q >> 8);
 		}

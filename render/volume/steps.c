@@ -126,6 +126,7 @@ static enum bb_status take(struct bb_steps *s, const struct bb_steps_file *f, st
 			  bb_voxel_bytes(l->type);
 	s->fingerprint = mixed(s->fingerprint, f->path, strlen(f->path));
 	s->fingerprint = mixed(s->fingerprint, &f->bytes.file_bytes, 8);
+	s->fingerprint = mixed(s->fingerprint, l->extent, sizeof(l->extent));
 	if (stat(f->path, &st) == 0) {
 		s->fingerprint = mixed(s->fingerprint, &st.st_mtim.tv_sec, sizeof(st.st_mtim.tv_sec));
 		s->fingerprint = mixed(s->fingerprint, &st.st_mtim.tv_nsec, sizeof(st.st_mtim.tv_nsec));
@@ -164,6 +165,8 @@ enum bb_status bb_steps_open(const char *const *paths, size_t n_paths, const cha
 		s->dim[a] = (uint32_t)s->files[0].layout.dim[a];
 		s->spacing_mm[a] = s->files[0].layout.spacing_mm[a];
 	}
+	s->spherical = s->files[0].layout.spherical;
+	memcpy(s->extent, s->files[0].layout.extent, sizeof(s->extent));
 	*out = s;
 	return BB_OK;
 }

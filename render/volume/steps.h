@@ -42,5 +42,13 @@ void bb_steps_seed(struct bb_steps *s, uint32_t seed);
 BB_MUST_CHECK enum bb_status bb_steps_rows(const struct bb_steps *s, uint32_t step, uint32_t z, uint32_t y, uint32_t n,
 					   float *out, struct bb_error *err);
 void bb_steps_close(struct bb_steps *s);
+/*
+ * All steps as f32 voxels, NAME.raw, and the header beside them that bb_steps_open takes, NAME.hdr.txt (path). Written
+ * under other names and renamed, the header last. 1901, 1702; 1401: the path does not end so. progress as in the
+ * builder, of planes; false stops with BB_SKIPPED and leaves nothing.
+ */
+BB_MUST_CHECK enum bb_status bb_steps_write(const struct bb_steps *s, const char *path, unsigned threads,
+					    bool (*progress)(void *ctx, uint64_t done, uint64_t total), void *ctx,
+					    struct bb_error *err);
 
 #endif

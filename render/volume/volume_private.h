@@ -40,6 +40,8 @@ struct bb_layout { /* how the voxels lie in the file; filled by a header parser,
 	bool big_endian;
 	double slope, intercept;
 	uint64_t offset_bytes;
+	bool spherical;   /* raw headers can say so */
+	double extent[6]; /* as in bb_steps */
 };
 /* n samples of the file at raw (overwritten when their bytes are the other way round) as values, scaled. */
 void bb_voxels_convert(const struct bb_layout *l, uint8_t *raw, size_t n, double *value);
