@@ -1,6 +1,6 @@
 /*
- * render/cpu/cast.c: the native ray caster as a renderer: prepares what its kernels read, and deals rows of packets to
- * threads. A pixel depends on nothing but its own ray, so the picture is the same for any number of threads.
+ * render/cpu/cast.c: the native ray caster as a renderer: prepares what its kernels read, and deals tiles to threads. A
+ * pixel depends on nothing but its own packet, so the picture is the same for any number of threads.
  */
 #include "render/cpu/cast.h"
 
@@ -8,24 +8,26 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "render/half.h"
+#include "render/cpu/options.h"
 #include "render/parallel.h"
+
+#define OPAQUE (1.0F / 8192) /* transmittance below which nothing behind can be seen: 1/32 of a grey level */
+#define NEVER (-1.0F)
 
 struct caster {
 	struct bb_renderer base;
-	bb_cast_row_fn *row;
-	unsigned threads;
-	uint64_t *table; /* [BB_CAST_TABLE], of what comes next: */
-	struct bb_transfer transfer;
-	double step_voxels;
-	uint8_t *empty; /* [n_cells] */
-	size_t n_cells;
+	bb_cast_tile_fn *tile;
+	struct bb_renderer_cpu_options options;
+	struct bb_cast_table table;
+	struct bb_cast_space space;
 };
 
 static const struct kernel {
 	const char *name;
-	bb_cast_row_fn *row;
-} kernels[] = { { "avx512", bb_cast_row_avx512 }, { "avx2", bb_cast_row_avx2 }, { "portable", bb_cast_row_portable } };
+	bb_cast_tile_fn *tile;
+} kernels[] = { { "avx512", bb_cast_tile_avx512 },
+		{ "avx2", bb_cast_tile_avx2 },
+		{ "portable", bb_cast_tile_portable } };
 
 static bool processor_has(const char *name)
 {
@@ -39,75 +41,122 @@ static bool processor_has(const char *name)
 	return !strcmp(name, "portable");
 }
 
-static bool same_transfer(const struct bb_transfer *a, const struct bb_transfer *b)
+struct job {
+	const struct caster *caster;
+	const struct bb_cast *cast;
+	struct bb_cast_counts counts[BB_PARALLEL_MOST]; /* by thread */
+};
+
+static void draw_tile(void *ctx, size_t i, unsigned thread)
 {
-	return a->n == b->n && !memcmp(a->point, b->point, a->n * sizeof(a->point[0]));
+	struct job *job = ctx;
+	struct bb_cast_counts n = { 0 };
+
+	job->caster->tile(job->cast, (uint32_t)i, &n);
+	job->counts[thread].rays += n.rays;
+	job->counts[thread].samples += n.samples;
 }
 
-static void fill_table(struct caster *c, const struct bb_transfer *tf, double step_voxels)
+static enum bb_status prepare(struct caster *c, const struct bb_draw *draw)
 {
-	if (step_voxels == c->step_voxels && same_transfer(&c->transfer, tf))
-		return;
-	for (size_t i = 0; i < BB_CAST_TABLE; i++) {
-		double rgba[4];
-		bb_transfer_at(tf, (double)i / (BB_CAST_TABLE - 1), rgba);
-		const double opacity = bb_transfer_opacity_for_step(rgba[3], step_voxels);
-		c->table[i] = 0;
-		for (int k = 0; k < 4; k++) {
-			const float v = (float)(k < 3 ? rgba[k] * opacity : opacity) * BB_CAST_SCALE;
-			/* A denormal would be one as a float, too, and those are slow. */
-			c->table[i] |= (uint64_t)(v < 0x1p-14F ? 0 : bb_to_half(v)) << 16 * k;
-		}
+	const struct bb_layer *layer = &draw->layers[0];
+	bool changed;
+
+	if (!bb_cast_table_update(&c->table, layer->transfer, draw->step_voxels,
+				  draw->steps_by_level ? c->space.up_most + 1 : 1, &changed) ||
+	    !bb_cast_space_update(&c->space, layer->atlas, layer->transfer, changed, !c->options.no_skipping,
+				  c->options.threads))
+		return bb_fail(&c->base.last_error, BB_ERR_NOMEM, 1702, NULL, "a caster's tables");
+	/* Which levels there are is known only now. */
+	if (draw->steps_by_level &&
+	    !bb_cast_table_update(&c->table, layer->transfer, draw->step_voxels, c->space.up_most + 1, &changed))
+		return bb_fail(&c->base.last_error, BB_ERR_NOMEM, 1702, NULL, "a caster's tables");
+	return BB_OK;
+}
+
+static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, const struct bb_rays *rays,
+			       struct bb_image *image, struct bb_draw_stats *stats)
+{
+	struct bb_cast cast = { .rays = rays,
+				.image = image,
+				.atlas = draw->layers[0].atlas,
+				.space = &c->space,
+				.table = &c->table,
+				.by_level = draw->steps_by_level,
+				.opaque = c->options.no_early_exit ? NEVER : OPAQUE,
+				.order = c->options.order };
+	struct job job = { .caster = c, .cast = &cast };
+	const size_t tiles = (size_t)bb_cast_tiles_across(image) * ((image->height + BB_CAST_TILE - 1) / BB_CAST_TILE);
+
+	if (c->options.order && c->options.n_order != (size_t)image->width * image->height)
+		return BB_ERR_RANGE;
+	const enum bb_status st = prepare(c, draw);
+	if (st != BB_OK)
+		return st;
+	bb_parallel(c->options.threads, tiles, draw_tile, &job);
+	for (unsigned t = 0; t < c->options.threads; t++) {
+		stats->rays += job.counts[t].rays;
+		stats->samples += job.counts[t].samples;
 	}
-	c->transfer = *tf;
-	c->step_voxels = step_voxels;
+	return BB_OK;
 }
 
 static enum bb_status cpu_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
 			       struct bb_image *image, struct bb_draw_stats *stats)
-{ (void)r; (void)draw; (void)rays; (void)image; (void)stats; (void)fill_table; return BB_ERR_UNSUPPORTED; }
+{
+	/* Several volumes, meshes, and balls are the general path's. */
+	if (draw->n_layers > 1 || draw->n_meshes || draw->layers[0].atlas->kind != BB_BRICK_CARTESIAN)
+		return BB_ERR_UNSUPPORTED;
+	return cast_one(bb_container_of(r, struct caster, base), draw, rays, image, stats);
+}
 
 static void cpu_forget(struct bb_renderer *r)
 {
-	(void)r; /* it reads the atlas where it is */
+	bb_cast_space_release(&bb_container_of(r, struct caster, base)->space);
 }
 
 static void cpu_destroy(struct bb_renderer *r)
 {
 	struct caster *c = bb_container_of(r, struct caster, base);
 
-	free(c->table);
-	free(c->empty);
+	bb_cast_space_release(&c->space);
+	bb_cast_table_release(&c->table);
 	free(c);
 }
 
 static const struct bb_renderer_ops cpu_ops = { .draw = cpu_draw, .forget = cpu_forget, .destroy = cpu_destroy };
 
-enum bb_status bb_renderer_cpu_create(const char *kernel, unsigned threads, struct bb_renderer **out,
-				      struct bb_error *err)
+enum bb_status bb_renderer_cpu_create_with(const struct bb_renderer_cpu_options *options, struct bb_renderer **out,
+					   struct bb_error *err)
 {
 	const struct kernel *k = NULL;
 
 	*out = NULL;
-	if (!threads || threads > BB_PARALLEL_MOST)
+	if (!options->threads || options->threads > BB_PARALLEL_MOST)
 		return BB_ERR_RANGE;
 	for (size_t i = BB_ARRAY_LEN(kernels); i-- > 0;)
-		if (processor_has(kernels[i].name) && (!strcmp(kernel, "auto") || !strcmp(kernel, kernels[i].name)))
+		if (processor_has(kernels[i].name) &&
+		    (!strcmp(options->kernel, "auto") || !strcmp(options->kernel, kernels[i].name)))
 			k = &kernels[i];
 	if (!k)
-		return bb_fail(err, BB_ERR_UNSUPPORTED, 1801, NULL, "no kernel '%.16s' for this processor", kernel);
+		return bb_fail(err, BB_ERR_UNSUPPORTED, 1801, NULL, "no kernel '%.16s' for this processor",
+			       options->kernel);
 	struct caster *c = calloc(1, sizeof(*c));
-	if (c)
-		c->table = malloc(BB_CAST_TABLE * sizeof(*c->table));
-	if (!c || !c->table) {
-		free(c);
+	if (!c)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a caster");
-	}
 	c->base.ops = &cpu_ops;
-	c->row = k->row;
-	c->threads = threads;
-	snprintf(c->base.description, sizeof(c->base.description), "cpu, %s, %u thread%s", k->name, threads,
-		 threads == 1 ? "" : "s");
+	c->tile = k->tile;
+	c->options = *options;
+	c->options.kernel = k->name;
+	snprintf(c->base.description, sizeof(c->base.description), "cpu, %s, %u thread%s", k->name, options->threads,
+		 options->threads == 1 ? "" : "s");
 	*out = &c->base;
 	return BB_OK;
+}
+
+enum bb_status bb_renderer_cpu_create(const char *kernel, unsigned threads, struct bb_renderer **out,
+				      struct bb_error *err)
+{
+	return bb_renderer_cpu_create_with(&(struct bb_renderer_cpu_options){ .kernel = kernel, .threads = threads },
+					   out, err);
 }

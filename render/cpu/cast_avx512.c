@@ -1,29 +1,171 @@
-#include "render/cpu/cast.h"
-void bb_cast_row_avx512(const struct bb_cast *c, uint32_t row, struct bb_cast_counts *counts)
-{ (void)c; (void)row; (void)counts; }
-#if 0
 /* render/cpu/cast_avx512.c: the ray caster for processors with AVX-512 F, DQ and VL (see the Makefile for its flags).
  */
 #ifdef __AVX512F__
 #include <immintrin.h>
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #define WIDTH 16
-#define KERNEL bb_cast_row_avx512
+#define KERNEL bb_cast_tile_avx512
+#define KEEP __attribute__((always_inline))
+#define NOT_INLINE __attribute__((noinline))
 
+typedef float vf __attribute__((vector_size(4 * WIDTH)));
 typedef int32_t vi __attribute__((vector_size(4 * WIDTH)));
 typedef uint32_t vu __attribute__((vector_size(4 * WIDTH)));
+typedef __mmask16 vm;
 
-static inline vi gather32(const void *base, vi byte_offset)
+static inline vf all(float v)
+{
+	return (vf)_mm512_set1_ps(v);
+}
+
+static inline vf to_float(vi v)
+{
+	return (vf)_mm512_cvtepi32_ps((__m512i)v);
+}
+
+static inline vi to_int(vf v)
+{
+	return (vi)_mm512_cvttps_epi32((__m512)v);
+}
+
+static inline vf truncated(vf v)
+{
+	return (vf)_mm512_roundscale_ps((__m512)v, _MM_FROUND_TO_ZERO | _MM_FROUND_NO_EXC);
+}
+
+static inline vf fused(vf a, vf b, vf c)
+{
+	return (vf)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
+}
+
+static inline vf pick(vm mask, vf yes, vf no)
+{
+	return (vf)_mm512_mask_blend_ps(mask, (__m512)no, (__m512)yes);
+}
+
+static inline vi pick_int(vm mask, vi yes, vi no)
+{
+	return (vi)_mm512_mask_blend_epi32(mask, (__m512i)no, (__m512i)yes);
+}
+
+static inline vm less(vf a, vf b)
+{
+	return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ);
+}
+
+static inline vm not_less(vf a, vf b)
+{
+	return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ);
+}
+
+static inline vm both(vm a, vm b)
+{
+	return a & b;
+}
+
+static inline vm either(vm a, vm b)
+{
+	return a | b;
+}
+
+static inline vf least(vf a, vf b)
+{
+	return (vf)_mm512_min_ps((__m512)a, (__m512)b);
+}
+
+static inline vf greatest(vf a, vf b)
+{
+	return (vf)_mm512_max_ps((__m512)a, (__m512)b);
+}
+
+static inline vf rounded_up(vf v)
+{
+	return (vf)_mm512_roundscale_ps((__m512)v, _MM_FROUND_TO_POS_INF | _MM_FROUND_NO_EXC);
+}
+
+static inline unsigned bits(vm mask)
+{
+	return mask & 15U;
+}
+
+static inline bool any(vm mask)
+{
+	return mask != 0;
+}
+
+static inline unsigned count(vm mask)
+{
+	return (unsigned)__builtin_popcount(mask);
+}
+
+static inline vm ray_mask(int ray)
+{
+	return (vm)(0x1111U << ray);
+}
+
+static inline vf load(const float *from)
+{
+	return (vf)_mm512_loadu_ps(from);
+}
+
+static inline void store(float *to, vf v)
+{
+	_mm512_storeu_ps(to, (__m512)v);
+}
+
+static inline float least_of(vf v)
+{
+	const __m128 a = _mm512_castps512_ps128((__m512)v), b = _mm_min_ps(a, _mm_movehl_ps(a, a));
+
+	return _mm_cvtss_f32(_mm_min_ss(b, _mm_movehdup_ps(b)));
+}
+
+static inline float most_of(vf v)
+{
+	const __m128 a = _mm512_castps512_ps128((__m512)v), b = _mm_max_ps(a, _mm_movehl_ps(a, a));
+
+	return _mm_cvtss_f32(_mm_max_ss(b, _mm_movehdup_ps(b)));
+}
+
+static inline vf deep(void)
+{
+	return (vf){ 0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3 };
+}
+
+static inline vf only_first(vf v)
+{
+	return (vf)_mm512_maskz_mov_ps(15, (__m512)v);
+}
+
+static inline vf before(vf clear)
+{
+	const __m512 one = _mm512_set1_ps(1), v = (__m512)clear;
+	const __m512 by_one = _mm512_mask_shuffle_f32x4(one, 0xFFF0, v, v, _MM_SHUFFLE(2, 1, 0, 0));
+	const __m512 by_two = _mm512_mask_shuffle_f32x4(one, 0xFFF0, by_one, by_one, _MM_SHUFFLE(2, 1, 0, 0));
+	const __m512 by_three = _mm512_mask_shuffle_f32x4(one, 0xF000, v, v, _MM_SHUFFLE(0, 0, 0, 0));
+
+	return (vf)_mm512_mul_ps(_mm512_mul_ps(by_one, by_two), by_three);
+}
+
+static inline vf product(vf clear)
+{
+	const __m512 v = (__m512)clear;
+	const __m512 pairs = _mm512_mul_ps(v, _mm512_shuffle_f32x4(v, v, _MM_SHUFFLE(2, 3, 0, 1)));
+
+	return (vf)_mm512_mul_ps(pairs, _mm512_shuffle_f32x4(pairs, pairs, _MM_SHUFFLE(1, 0, 3, 2)));
+}
+
+static inline vi gather32(const uint8_t *base, vi byte_offset)
 {
 	return (vi)_mm512_i32gather_epi32((__m512i)byte_offset, base, 1);
 }
 
-static inline void gather64(const uint64_t *table, vi index, vi *low, vi *high)
+static inline void deinterleave(__m512i a, __m512i b, vi *low, vi *high)
 {
-	const __m512i a = _mm512_i32gather_epi64(_mm512_castsi512_si256((__m512i)index), table, 8);
-	const __m512i b = _mm512_i32gather_epi64(_mm512_extracti64x4_epi64((__m512i)index, 1), table, 8);
 	const __m512i even = _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
 	const __m512i odd = _mm512_setr_epi32(1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
 
@@ -31,18 +173,37 @@ static inline void gather64(const uint64_t *table, vi index, vi *low, vi *high)
 	*high = (vi)_mm512_permutex2var_epi32(a, odd, b);
 }
 
-static inline bool any(vi mask)
+static inline void gather64(const uint64_t *table, vi index, vi *low, vi *high)
 {
-	return _mm512_test_epi32_mask((__m512i)mask, (__m512i)mask) != 0;
+	deinterleave(_mm512_i32gather_epi64(_mm512_castsi512_si256((__m512i)index), table, 8),
+		     _mm512_i32gather_epi64(_mm512_extracti64x4_epi64((__m512i)index, 1), table, 8), low, high);
+}
+
+static inline void gather64_4(const uint8_t *base, vi index, vi *low, vi *high)
+{
+	deinterleave(_mm512_i32gather_epi64(_mm512_castsi512_si256((__m512i)index), base, 4),
+		     _mm512_i32gather_epi64(_mm512_extracti64x4_epi64((__m512i)index, 1), base, 4), low, high);
+}
+
+static inline unsigned floats_begin(void)
+{
+	const unsigned state = _mm_getcsr();
+
+	_mm_setcsr(state | 0x8040); /* flush to zero, denormals are zero */
+	return state;
+}
+
+static inline void floats_end(unsigned state)
+{
+	_mm_setcsr(state);
 }
 
 #include "render/cpu/cast_kernel.inc"
 #else
 #include "render/cpu/cast.h"
 
-void bb_cast_row_avx512(const struct bb_cast *c, uint32_t row, struct bb_cast_counts *counts)
+void bb_cast_tile_avx512(const struct bb_cast *c, uint32_t tile, struct bb_cast_counts *counts)
 {
-	bb_cast_row_portable(c, row, counts);
+	bb_cast_tile_portable(c, tile, counts);
 }
-#endif
 #endif
