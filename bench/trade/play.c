@@ -1,0 +1,346 @@
+/*
+ * bench/trade/play.c: a sequence under one setting: through the streamer, or, for selectors that know nothing of streams,
+ * from choices that are read as a whole when the step changes.
+ */
+#include "bench/trade/trade_private.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "bench/stats.h"
+#include "bench/trade/still.h"
+#include "hal/clock.h"
+#include "render/stream/io.h"
+
+#define TIMES_MOST (BB_TRADE_DRAWN_MOST * BB_TRADE_TIMED_MOST)
+
+struct play {
+	struct bb_trade *t;
+	const struct bb_trade_setting *s;
+	struct bb_trade_point *p;
+	const struct bb_bricks *bricks;
+	double squares, n_pixels; /* of all pictures: squared error a channel */
+	unsigned n_judged;
+	double draw_ms[TIMES_MOST], stream_ms[TIMES_MOST], frame_ms[TIMES_MOST];
+	size_t n_times;
+	uint64_t bricks_sum, bytes_sum, missing, drawn;
+};
+
+/* ---- pictures ---- */
+
+static void judge(struct play *y, unsigned k)
+{
+	struct bb_trade *t = y->t;
+	struct bb_trade_point *p = y->p;
+	struct bb_image_difference d = { 0 };
+	struct bb_image_quality q = { .ssim = 1 };
+	const struct bb_stream_counts c = bb_trade_count(t, k, y->s->step_voxels);
+
+	p->rays += c.rays;
+	p->samples += c.samples;
+	if (bb_image_compare(&t->image, &t->picture[k], &d) || bb_image_quality(&t->image, &t->picture[k], &q))
+		return;
+	if (!d.n_pixels)
+		return;
+	y->n_judged++;
+	y->n_pixels += (double)d.n_pixels;
+	y->squares += d.identical ? 0 : (double)d.n_pixels * 255 * 255 * pow(10, -d.psnr_db / 10);
+	p->psnr_least_db = fmin(p->psnr_least_db, d.psnr_db);
+	p->ssim += q.ssim;
+	p->luv += q.luv_mean;
+}
+
+static enum bb_status draw(struct play *y, const struct bb_layer *layer, const struct bb_view *view, double *ms,
+			   struct bb_error *err)
+{
+	const struct bb_trade_config *c = &y->t->config;
+	const struct bb_draw d = { .view = view, .layers = layer, .n_layers = 1, .step_voxels = y->s->step_voxels };
+	const int64_t from_ns = bb_clock_stopwatch_ns();
+	const enum bb_status status = bb_renderer_draw(c->renderer, &d, &y->t->image, NULL);
+	const struct bb_error *why = bb_renderer_last_error(c->renderer);
+
+	*ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+	if (status)
+		return bb_fail(err, status, 1480, NULL, "%s", why && why->number ? why->text : bb_status_text(status));
+	return BB_OK;
+}
+
+/* Frame i has been selected, which took stream_ms: draws it if it, or one soon after it, is a picture. The first of
+ * these brings what is in memory to the renderer and is not timed. */
+static enum bb_status show(struct play *y, unsigned i, const struct bb_layer *layer, const struct bb_view *view,
+			   double stream_ms, struct bb_error *err)
+{
+	const struct bb_trade_config *c = &y->t->config;
+	double ms;
+
+	for (unsigned k = 0; k < c->n_drawn; k++) {
+		const unsigned at = y->t->drawn[k];
+		if (i > at || i + c->n_timed < at)
+			continue;
+		const enum bb_status status = draw(y, layer, view, &ms, err);
+		if (status)
+			return status;
+		if (i + c->n_timed > at && y->n_times < TIMES_MOST) {
+			y->draw_ms[y->n_times] = ms;
+			y->stream_ms[y->n_times] = stream_ms;
+			y->frame_ms[y->n_times++] = ms + stream_ms;
+		}
+		if (i == at)
+			judge(y, k);
+		return BB_OK;
+	}
+	return BB_OK;
+}
+
+static void count(struct play *y, uint64_t bricks, uint64_t bytes)
+{
+	y->bricks_sum += bricks;
+	y->bytes_sum += bytes;
+	y->p->bricks_most = fmax(y->p->bricks_most, (double)bricks);
+	y->p->bytes_most = fmax(y->p->bytes_most, (double)bytes);
+}
+
+static double median(double *v, size_t n)
+{
+	bb_stats_sort(v, n);
+	return bb_stats_nearest_rank(v, n, 0.5);
+}
+
+static void finish(struct play *y)
+{
+	const struct bb_trade_config *c = &y->t->config;
+	struct bb_trade_point *p = y->p;
+	const double n = y->n_judged ? y->n_judged : 1;
+
+	p->psnr_db = y->squares > 0 ? fmin(200, 10 * log10(255.0 * 255 * y->n_pixels / y->squares)) : 200;
+	p->ssim /= n;
+	p->luv /= n;
+	if (!y->n_judged)
+		p->psnr_db = p->ssim = p->luv = p->psnr_least_db = BB_UNKNOWN; /* nothing is to be seen */
+	p->rays /= c->n_drawn;
+	p->samples /= c->n_drawn;
+	p->bytes_mean = (double)y->bytes_sum / c->n_frames;
+	p->bricks_mean = (double)y->bricks_sum / c->n_frames;
+	p->missing_share = y->drawn ? (double)y->missing / (double)y->drawn : 0;
+	p->draw_ms = median(y->draw_ms, y->n_times);
+	p->draw_low_ms = bb_stats_nearest_rank(y->draw_ms, y->n_times, 0.1);
+	p->draw_high_ms = bb_stats_nearest_rank(y->draw_ms, y->n_times, 0.9);
+	p->stream_ms = median(y->stream_ms, y->n_times);
+	p->frame_ms = median(y->frame_ms, y->n_times);
+}
+
+static enum bb_status cannot(struct bb_trade_point *p, const char *why)
+{
+	p->failed = true;
+	snprintf(p->why, sizeof(p->why), "%.180s", why);
+	p->psnr_db = p->psnr_least_db = p->ssim = p->luv = p->frame_ms = p->draw_ms = p->stream_ms = BB_UNKNOWN;
+	p->draw_low_ms = p->draw_high_ms = BB_UNKNOWN;
+	return BB_OK;
+}
+
+/* ---- through the streamer ---- */
+
+static enum bb_status stream_on(struct play *y, struct bb_stream *stream, struct bb_error *err)
+{
+	const struct bb_trade_config *c = &y->t->config;
+	enum bb_status status = BB_OK;
+
+	for (unsigned i = 0; i < c->n_frames && !status; i++) {
+		struct bb_trade_frame f;
+		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
+		const int64_t from_ns = bb_clock_stopwatch_ns();
+		const struct bb_stream_counts n = bb_stream_frame(stream, &f.frame);
+		const double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		count(y, n.loaded, n.bytes);
+		y->missing += n.missing;
+		y->drawn += n.drawn;
+		const struct bb_layer layer = bb_stream_layer(stream);
+		status = show(y, i, &layer, &f.view, ms, err);
+	}
+	y->p->memory_bytes = bb_stream_memory_bytes(stream);
+	y->p->atlas_bricks = bb_stream_atlas(stream)->n_slots;
+	return status;
+}
+
+static enum bb_status play_stream(struct play *y, enum bb_gain_method gain, struct bb_error *err)
+{
+	const struct bb_trade_config *c = &y->t->config;
+	const struct bb_stream_config config = { .bricks = y->bricks,
+						 .transfer = c->transfer,
+						 .placement = y->t->placement,
+						 .memory_bytes = (uint64_t)(y->s->memory_mib * 1048576),
+						 .bricks_per_frame = y->s->bricks_per_frame,
+						 .gain = gain };
+	struct bb_stream_disk *disk = NULL;
+	struct bb_error why = { 0 };
+	struct bb_trade_frame f;
+	struct bb_stream *stream;
+	enum bb_status status = bb_stream_create(&config, &stream, &why);
+
+	if (status && why.number == 1470)
+		return cannot(y->p, why.text);
+	if (status) {
+		*err = why;
+		return status;
+	}
+	bb_trade_frame_at(y->t, 0, y->s->step_voxels, &f);
+	f.frame.n_ahead = 0; /* as after bring-up: at rest */
+	(void)bb_stream_settle(stream, &f.frame);
+	if (c->disk_read_ns > 0 || c->disk_byte_ns > 0)
+		status = bb_stream_disk_start(stream, c->disk_read_ns, c->disk_byte_ns, &disk);
+	if (status)
+		bb_fail(err, status, 1702, NULL, "the model of a disk");
+	else
+		status = stream_on(y, stream, err);
+	bb_renderer_forget(c->renderer);
+	bb_stream_disk_stop(disk);
+	bb_stream_destroy(stream);
+	return status;
+}
+
+/* ---- from choices ---- */
+
+struct choices {
+	const struct bb_tree *tree;
+	struct bb_ratings ratings;
+	struct bb_choice *heap, *out; /* out: of one step behind the other */
+	struct bb_choice **of;        /* [n_steps] */
+	size_t *n, most;              /* most: of two steps side by side */
+};
+
+static void drop(struct choices *c)
+{
+	free(c->ratings.space);
+	free(c->ratings.time);
+	free(c->ratings.work);
+	free(c->heap);
+	free(c->out);
+	for (uint32_t i = 0; c->of && i < c->tree->n_steps; i++)
+		free(c->of[i]);
+	free(c->of);
+	free(c->n);
+}
+
+static enum bb_status take(struct choices *c, const struct bb_tree *tree, struct bb_error *err)
+{
+	const size_t n = (size_t)tree->n_bricks, most = bb_choose_most(tree);
+
+	*c = (struct choices){ .tree = tree };
+	c->ratings = (struct bb_ratings){ calloc(n, sizeof(float)), calloc(n, sizeof(float)), calloc(n, sizeof(float)) };
+	c->heap = calloc(most, sizeof(*c->heap));
+	c->out = calloc(most, sizeof(*c->out));
+	c->of = calloc(tree->n_steps, sizeof(struct bb_choice *));
+	c->n = calloc(tree->n_steps, sizeof(*c->n));
+	if (c->ratings.space && c->ratings.time && c->ratings.work && c->heap && c->out && c->of && c->n)
+		return BB_OK;
+	return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings of %zu bricks", n);
+}
+
+/* Half of the memory for each of the two steps on show. */
+static uint32_t bricks_that_fit(const struct play *y)
+{
+	const double each = (double)bb_bricks_brick_bytes(bb_bricks_header(y->bricks));
+	const double n = y->s->memory_mib * 1048576 / each / 2;
+
+	return y->s->memory_mib > 0 && n < UINT32_MAX ? (uint32_t)n : UINT32_MAX;
+}
+
+static enum bb_status choose_all(struct play *y, struct choices *c, struct bb_error *err)
+{
+	const struct bb_trade_setting *s = y->s;
+	enum bb_status status = s->selector->rate(y->bricks, y->t->config.transfer, &c->ratings, err);
+
+	for (uint32_t i = 0; i < c->tree->n_steps && !status; i++) {
+		const struct bb_selector_ask ask = { .step = i,
+						     .space_most = s->tolerance,
+						     .time_most = s->tolerance,
+						     .budget = { bricks_that_fit(y), s->bricks_per_frame } };
+		c->n[i] = s->selector->choose(c->tree, &c->ratings, &ask, c->heap, c->out);
+		if (!c->n[i])
+			return BB_OK;
+		c->of[i] = malloc(c->n[i] * sizeof(*c->out));
+		if (!c->of[i])
+			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "%zu bricks", c->n[i]);
+		memcpy(c->of[i], c->out, c->n[i] * sizeof(*c->out));
+		const size_t both = c->n[i] + (i ? c->n[i - 1] : 0);
+		c->most = both > c->most ? both : c->most;
+	}
+	return status;
+}
+
+static enum bb_status still_on(struct play *y, const struct choices *c, struct bb_still *still, struct bb_error *err)
+{
+	const struct bb_trade_config *config = &y->t->config;
+	enum bb_status status = BB_OK;
+	uint64_t in_use = 0;
+
+	for (unsigned i = 0; i < config->n_frames && !status; i++) {
+		struct bb_still_counts n;
+		struct bb_trade_frame f;
+		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
+		const uint32_t a = (uint32_t)f.frame.step, b = (uint32_t)ceil(f.frame.step);
+		const int64_t from_ns = bb_clock_stopwatch_ns();
+		status = bb_still_show(still, f.frame.step, (const struct bb_choice *const[]){ c->of[a], c->of[b] },
+				       (const size_t[]){ c->n[a], c->n[b] }, &n, err);
+		const double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		if (status)
+			break;
+		in_use = n.in_use > in_use ? n.in_use : in_use;
+		count(y, i ? n.bricks : 0, i ? n.bytes : 0); /* the first is bring-up */
+		const struct bb_layer layer = { bb_still_atlas(still), config->transfer, y->t->placement, NULL };
+		status = show(y, i, &layer, &f.view, ms, err);
+	}
+	y->p->atlas_bricks = in_use;
+	y->p->memory_bytes = bb_still_bytes(still, in_use);
+	return status;
+}
+
+static enum bb_status play_still(struct play *y, struct bb_error *err)
+{
+	const struct bb_tree *tree = &bb_bricks_header(y->bricks)->tree;
+	struct bb_still *still = NULL;
+	struct choices c;
+	enum bb_status status = take(&c, tree, err);
+
+	if (!status)
+		status = choose_all(y, &c, err);
+	for (uint32_t i = 0; i < tree->n_steps && !status; i++)
+		if (!c.n[i]) {
+			drop(&c);
+			return cannot(y->p, strcmp(y->s->selector->name, "optimum") ? "not one brick fits the memory budget"
+										     : "the tree is too large");
+		}
+	if (!status)
+		status = bb_still_create(y->bricks, c.most, &still, err);
+	if (!status)
+		status = still_on(y, &c, still, err);
+	bb_renderer_forget(y->t->config.renderer);
+	bb_still_destroy(still);
+	drop(&c);
+	return status;
+}
+
+enum bb_status bb_trade_play(struct bb_trade *t, const struct bb_trade_setting *s, struct bb_trade_point *out,
+			     struct bb_error *err)
+{
+	struct play *y = calloc(1, sizeof(*y));
+	enum bb_gain_method gain = 0;
+
+	*out = (struct bb_trade_point){ .setting = *s, .knob = BB_KNOB_NONE, .psnr_least_db = 200 };
+	if (!y)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a play");
+	y->t = t;
+	y->s = s;
+	y->p = out;
+	enum bb_status status = bb_trade_bricks(t, s->brick, s->type, &y->bricks, err);
+	while (gain < BB_GAIN_METHODS && strcmp(bb_gain_method_text(gain), s->selector->name))
+		gain++;
+	if (!status)
+		status = gain < BB_GAIN_METHODS ? play_stream(y, gain, err) : play_still(y, err);
+	if (!status && !out->failed)
+		finish(y);
+	free(y);
+	return status;
+}
