@@ -36,6 +36,7 @@ static const struct bb_cli_option options[] = {
 	{ "frames", "N", "of a play, at 60 Hz (120)" },
 	{ "pictures", "N", "of them that are drawn and compared, evenly apart (3)" },
 	{ "timed", "N", "frames drawn for each picture whose time counts, 1 to 8 (3)" },
+	{ "settled", NULL, "pictures of what was selected when all of it has been read: no streaming" },
 	{ "disk", "US:MB", "a disk: microseconds a brick, megabytes a second (default: the next frame has what was asked for)" },
 	{ "draw", "auto|cpu|osmesa|egl", "back end (auto: cpu, then OpenGL)" },
 	{ "table", "gains", "Carlsson and Tjernstroem 2016, figures 5.1 and 5.3, table 5.2, on generated data" },

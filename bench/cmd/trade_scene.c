@@ -147,6 +147,7 @@ static enum bb_status read_numbers(struct job *j, struct bb_error *err)
 	j->config.n_drawn = (unsigned)pictures;
 	j->config.n_timed = (unsigned)timed;
 	j->config.reference_step = 0.5;
+	j->config.settled = bb_cli_has(cli, "settled");
 	return status ? status : read_disk(j, err);
 }
 

@@ -116,11 +116,11 @@ static const char *number(char *out, size_t cap, double v)
 /* 1, 2 and 5 of each decade as long as there are few; each octave, or every second or fourth. */
 static void ticks_of_logarithm(const struct drawn *d, const struct axis *a, bool vertical)
 {
-	static const double digits[] = { 1, 2, 5 };
+	static const double few[] = { 1, 2, 5 }, many[] = { 1, 1.5, 2, 3, 4, 5, 6, 8 };
 	const bool octaves = a->scale == CHART_OCTAVES;
-	const double span = a->high - a->low;
+	const double span = a->high - a->low, *digits = span < 1 ? many : few;
 	const int every = octaves ? (span > 9 ? 2 : 1) : 1;
-	const size_t n = octaves || span > 2.5 ? 1 : 3;
+	const size_t n = octaves || span > 2.5 ? 1 : span < 1 ? BB_ARRAY_LEN(many) : BB_ARRAY_LEN(few);
 	char text[32];
 
 	for (int e = (int)floor(a->low) - 1; e <= (int)ceil(a->high); e++)
@@ -286,6 +286,9 @@ static void draw_label(struct drawn *d, const struct chart_label *l)
 		if (fabs(way[i][1]) > 1.5)
 			pen_line(d->cr, (struct pen_point){ x, y },
 			         (struct pen_point){ way[i][0] > 0 ? r.x : r.x + w, cy }, 0.5, pen_grey);
+		pen_set(d->cr, pen_alpha(pen_paper, 0.85)); /* a line behind it does not strike it out */
+		cairo_rectangle(d->cr, r.x - 1, r.y, r.w + 2, r.h);
+		cairo_fill(d->cr);
 		pen_text(d->cr, (struct pen_point){ cx, cy }, PEN_CENTRE, LABEL_SIZE, false, pen_ink, "%s", l->text);
 		d->taken[d->n_taken++] = r;
 		return;

@@ -1,6 +1,7 @@
 #include "bench/trade/grid.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -73,6 +74,18 @@ static bool read_type(const char *word, enum bb_brick_type *out)
 	return false;
 }
 
+/* "leaf", "leaf!": as algorithm 1 has it, for one step and no view, read at once. */
+static bool read_selector(const char *word, const struct bb_selector **out, bool *at_once)
+{
+	const size_t n = strlen(word);
+	char name[40];
+
+	*at_once = n && word[n - 1] == '!';
+	snprintf(name, sizeof(name), "%.*s", (int)(*at_once ? n - 1 : n), word);
+	*out = bb_selector_find(name);
+	return *out != NULL;
+}
+
 static bool read_word(struct bb_trade_grid *g, enum bb_trade_knob knob, const char *word)
 {
 	const size_t i = g->n[knob];
@@ -87,8 +100,7 @@ static bool read_word(struct bb_trade_grid *g, enum bb_trade_knob knob, const ch
 		g->stream[i] = (uint32_t)v;
 		return ok;
 	case BB_KNOB_SELECTOR:
-		g->selector[i] = bb_selector_find(word);
-		return g->selector[i] != NULL;
+		return read_selector(word, &g->selector[i], &g->at_once[i]);
 	case BB_KNOB_TOLERANCE:
 		return read_number(word, 0, 1e9, &g->tolerance[i]);
 	case BB_KNOB_STEP:
@@ -141,7 +153,7 @@ static bool differ(double a, double b)
 /* As far as it matters to this selector. */
 static bool same(const struct bb_trade_setting *a, const struct bb_trade_setting *b)
 {
-	if (a->selector != b->selector || differ(a->step_voxels, b->step_voxels) || a->brick != b->brick ||
+	if (a->selector != b->selector || a->at_once != b->at_once || differ(a->step_voxels, b->step_voxels) || a->brick != b->brick ||
 	    a->type != b->type)
 		return false;
 	if (a->selector->by_tolerance)
@@ -179,6 +191,7 @@ static void turn(const struct bb_trade_grid *g, enum bb_trade_knob knob, size_t 
 		break;
 	case BB_KNOB_SELECTOR:
 		s->selector = g->selector[i];
+		s->at_once = g->at_once[i];
 		break;
 	case BB_KNOB_TOLERANCE:
 		s->tolerance = g->tolerance[i];

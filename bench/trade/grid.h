@@ -15,6 +15,7 @@ struct bb_trade_grid { /* values of each knob; those of the own setting may be a
 	uint32_t stream[BB_GRID_VALUES_MOST], brick[BB_GRID_VALUES_MOST];
 	enum bb_brick_type type[BB_GRID_VALUES_MOST];
 	const struct bb_selector *selector[BB_GRID_VALUES_MOST];
+	bool at_once[BB_GRID_VALUES_MOST]; /* "leaf!" */
 	size_t n[BB_KNOBS];
 };
 

@@ -150,6 +150,10 @@ static enum bb_status stream_on(struct play *y, struct bb_stream *stream, struct
 	for (unsigned i = 0; i < c->n_frames && !status; i++) {
 		struct bb_trade_frame f;
 		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
+		if (c->settled) {
+			f.frame.n_ahead = 0;
+			(void)bb_stream_settle(stream, &f.frame);
+		}
 		const int64_t from_ns = bb_clock_stopwatch_ns();
 		const struct bb_stream_counts n = bb_stream_frame(stream, &f.frame);
 		const double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
@@ -204,38 +208,62 @@ static enum bb_status play_stream(struct play *y, enum bb_gain_method gain, stru
 
 struct choices {
 	const struct bb_tree *tree;
-	struct bb_ratings ratings;
-	struct bb_choice *heap, *out; /* out: of one step behind the other */
-	struct bb_choice **of;        /* [n_steps] */
-	size_t *n, most;              /* most: of two steps side by side */
+	struct bb_choice *heap, *out;
+	struct bb_choice **of; /* [n_steps] */
+	double *ms;            /* [n_steps] choosing took */
+	size_t *n, most;       /* most: of two steps side by side */
 };
 
 static void drop(struct choices *c)
 {
-	free(c->ratings.space);
-	free(c->ratings.time);
-	free(c->ratings.work);
 	free(c->heap);
 	free(c->out);
 	for (uint32_t i = 0; c->of && i < c->tree->n_steps; i++)
 		free(c->of[i]);
 	free(c->of);
+	free(c->ms);
 	free(c->n);
 }
 
 static enum bb_status take(struct choices *c, const struct bb_tree *tree, struct bb_error *err)
 {
-	const size_t n = (size_t)tree->n_bricks, most = bb_choose_most(tree);
+	const size_t most = bb_choose_most(tree);
 
 	*c = (struct choices){ .tree = tree };
-	c->ratings = (struct bb_ratings){ calloc(n, sizeof(float)), calloc(n, sizeof(float)), calloc(n, sizeof(float)) };
 	c->heap = calloc(most, sizeof(*c->heap));
 	c->out = calloc(most, sizeof(*c->out));
 	c->of = calloc(tree->n_steps, sizeof(struct bb_choice *));
+	c->ms = calloc(tree->n_steps, sizeof(*c->ms));
 	c->n = calloc(tree->n_steps, sizeof(*c->n));
-	if (c->ratings.space && c->ratings.time && c->ratings.work && c->heap && c->out && c->of && c->n)
+	if (c->heap && c->out && c->of && c->ms && c->n)
 		return BB_OK;
-	return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings of %zu bricks", n);
+	return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "choices of %zu bricks", most);
+}
+
+void bb_trade_forget_ratings(struct bb_trade *t)
+{
+	free(t->ratings.space);
+	free(t->ratings.time);
+	free(t->ratings.work);
+	t->ratings = (struct bb_ratings){ 0 };
+	t->rated = NULL;
+}
+
+static enum bb_status rate(struct play *y, struct bb_error *err)
+{
+	struct bb_trade *t = y->t;
+	const size_t n = (size_t)bb_bricks_header(y->bricks)->tree.n_bricks;
+
+	if (t->rated == y->bricks && t->rated_by == y->s->selector)
+		return BB_OK;
+	bb_trade_forget_ratings(t);
+	t->ratings = (struct bb_ratings){ calloc(n, sizeof(float)), calloc(n, sizeof(float)), calloc(n, sizeof(float)) };
+	if (!t->ratings.space || !t->ratings.time || !t->ratings.work)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings of %zu bricks", n);
+	const enum bb_status status = y->s->selector->rate(y->bricks, t->config.transfer, &t->ratings, err);
+	t->rated = status ? NULL : y->bricks;
+	t->rated_by = y->s->selector;
+	return status;
 }
 
 /* Half of the memory for each of the two steps on show. */
@@ -244,20 +272,24 @@ static uint32_t bricks_that_fit(const struct play *y)
 	const double each = (double)bb_bricks_brick_bytes(bb_bricks_header(y->bricks));
 	const double n = y->s->memory_mib * 1048576 / each / 2;
 
+	if (y->s->memory_bricks)
+		return y->s->memory_bricks;
 	return y->s->memory_mib > 0 && n < UINT32_MAX ? (uint32_t)n : UINT32_MAX;
 }
 
 static enum bb_status choose_all(struct play *y, struct choices *c, struct bb_error *err)
 {
 	const struct bb_trade_setting *s = y->s;
-	enum bb_status status = s->selector->rate(y->bricks, y->t->config.transfer, &c->ratings, err);
+	const enum bb_status status = rate(y, err);
 
 	for (uint32_t i = 0; i < c->tree->n_steps && !status; i++) {
 		const struct bb_selector_ask ask = { .step = i,
 						     .space_most = s->tolerance,
 						     .time_most = s->tolerance,
 						     .budget = { bricks_that_fit(y), s->bricks_per_frame } };
-		c->n[i] = s->selector->choose(c->tree, &c->ratings, &ask, c->heap, c->out);
+		const int64_t from_ns = bb_clock_stopwatch_ns();
+		c->n[i] = s->selector->choose(c->tree, &y->t->ratings, &ask, c->heap, c->out);
+		c->ms[i] = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
 		if (!c->n[i])
 			return BB_OK;
 		c->of[i] = malloc(c->n[i] * sizeof(*c->out));
@@ -275,6 +307,7 @@ static enum bb_status still_on(struct play *y, const struct choices *c, struct b
 	const struct bb_trade_config *config = &y->t->config;
 	enum bb_status status = BB_OK;
 	uint64_t in_use = 0;
+	uint32_t last = UINT32_MAX;
 
 	for (unsigned i = 0; i < config->n_frames && !status; i++) {
 		struct bb_still_counts n;
@@ -284,9 +317,11 @@ static enum bb_status still_on(struct play *y, const struct choices *c, struct b
 		const int64_t from_ns = bb_clock_stopwatch_ns();
 		status = bb_still_show(still, f.frame.step, (const struct bb_choice *const[]){ c->of[a], c->of[b] },
 				       (const size_t[]){ c->n[a], c->n[b] }, &n, err);
-		const double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
 		if (status)
 			break;
+		ms += a != last ? c->ms[a] : 0; /* the other step was chosen before */
+		last = a;
 		in_use = n.in_use > in_use ? n.in_use : in_use;
 		count(y, i ? n.bricks : 0, i ? n.bytes : 0); /* the first is bring-up */
 		const struct bb_layer layer = { bb_still_atlas(still), config->transfer, y->t->placement, NULL };
@@ -335,7 +370,7 @@ enum bb_status bb_trade_play(struct bb_trade *t, const struct bb_trade_setting *
 	y->s = s;
 	y->p = out;
 	enum bb_status status = bb_trade_bricks(t, s->brick, s->type, &y->bricks, err);
-	while (gain < BB_GAIN_METHODS && strcmp(bb_gain_method_text(gain), s->selector->name))
+	while (gain < BB_GAIN_METHODS && (s->at_once || strcmp(bb_gain_method_text(gain), s->selector->name)))
 		gain++;
 	if (!status)
 		status = gain < BB_GAIN_METHODS ? play_stream(y, gain, err) : play_still(y, err);

@@ -142,8 +142,8 @@ static json_t *real(double v)
 
 static json_t *setting_json(const struct bb_trade_setting *s)
 {
-	json_t *o = json_pack("{s:s, s:f, s:f, s:s}", "selector", s->selector->name, "step_voxels", s->step_voxels,
-			      "brick", (double)s->brick, "type", bb_brick_type_text(s->type));
+	json_t *o = json_pack("{s:s, s:b, s:f, s:i, s:s}", "selector", s->selector->name, "at_once", s->at_once, "step_voxels", s->step_voxels,
+			      "brick", (int)s->brick, "type", bb_brick_type_text(s->type));
 
 	json_object_set_new(o, "memory_mib", s->memory_mib > 0 ? json_real(s->memory_mib) : json_null());
 	json_object_set_new(o, "bricks_per_frame", s->bricks_per_frame ? json_integer(s->bricks_per_frame) : json_null());

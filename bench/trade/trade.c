@@ -28,7 +28,9 @@ const char *bb_trade_setting_text(const struct bb_trade_setting *s, char *out, s
 {
 	char memory[32] = "all bricks", stream[32] = "", tolerance[32] = "";
 
-	if (s->memory_mib > 0)
+	if (s->memory_bricks)
+		bb_text_format(memory, sizeof(memory), "%u bricks", s->memory_bricks);
+	else if (s->memory_mib > 0)
 		bb_text_format(memory, sizeof(memory), "%.4g MiB", s->memory_mib);
 	if (s->selector->by_tolerance) {
 		bb_text_format(tolerance, sizeof(tolerance), " %.3g", s->tolerance);
@@ -36,7 +38,7 @@ const char *bb_trade_setting_text(const struct bb_trade_setting *s, char *out, s
 	} else if (s->bricks_per_frame) {
 		bb_text_format(stream, sizeof(stream), ", %u bricks a frame", s->bricks_per_frame);
 	}
-	bb_text_format(out, cap, "%s%s, %s%s, step %.3g, %u^3 %s", s->selector->name, tolerance, memory, stream,
+	bb_text_format(out, cap, "%s%s%s, %s%s, step %.3g, %u^3 %s", s->selector->name, s->at_once ? "!" : "", tolerance, memory, stream,
 		       s->step_voxels, s->brick, bb_brick_type_text(s->type));
 	return out;
 }
@@ -124,7 +126,7 @@ static enum bb_status open_data(struct bb_trade *t, struct bb_error *err)
 		return status;
 	if (c->generate)
 		bb_steps_seed(t->steps, c->seed);
-	return bb_trade_bricks(t, REFERENCE_EDGE, BB_BRICK_F32, &bricks, err);
+	return bb_trade_bricks(t, c->reference_brick ? c->reference_brick : REFERENCE_EDGE, BB_BRICK_F32, &bricks, err);
 }
 
 /* ---- frames ---- */
@@ -171,6 +173,7 @@ static enum bb_status draw_reference(struct bb_trade *t, unsigned k, struct bb_e
 {
 	const struct bb_trade_config *c = &t->config;
 	struct bb_trade_frame f;
+	bb_image_release(&t->picture[k]);
 	enum bb_status status = bb_image_create(c->width_px, c->height_px, &t->picture[k]);
 
 	if (status)
@@ -195,7 +198,7 @@ static enum bb_status make_references(struct bb_trade *t, struct bb_error *err)
 	const struct bb_trade_variant *v = &t->variant[0];
 	const struct bb_stream_config full = { .bricks = v->bricks, .transfer = c->transfer, .no_prediction = true,
 					       .placement = t->placement };
-	enum bb_status status = bb_stream_create(&full, &t->full, err);
+	enum bb_status status = t->full ? BB_OK : bb_stream_create(&full, &t->full, err);
 
 	for (unsigned k = 0; k < c->n_drawn && !status; k++) {
 		t->drawn[k] = (k + 1) * c->n_frames / c->n_drawn - 1;
@@ -205,6 +208,12 @@ static enum bb_status make_references(struct bb_trade *t, struct bb_error *err)
 	bb_text_format(t->reference, sizeof(t->reference), "all leaf bricks of %u^3 %s at steps of %.3g voxels, by %s", v->edge,
 		       bb_brick_type_text(v->type), c->reference_step, bb_renderer_description(c->renderer));
 	return status;
+}
+
+enum bb_status bb_trade_turn(struct bb_trade *t, bool inside, struct bb_error *err)
+{
+	t->config.inside = inside;
+	return make_references(t, err);
 }
 
 enum bb_status bb_trade_create(const struct bb_trade_config *config, struct bb_trade **out, struct bb_error *err)
@@ -234,6 +243,7 @@ void bb_trade_destroy(struct bb_trade *t)
 	if (!t)
 		return;
 	bb_stream_destroy(t->full);
+	bb_trade_forget_ratings(t);
 	for (size_t i = 0; i < t->n_variants; i++)
 		bb_bricks_close(t->variant[i].bricks);
 	for (unsigned k = 0; k < BB_TRADE_DRAWN_MOST; k++)

@@ -24,8 +24,10 @@ const char *bb_trade_knob_text(enum bb_trade_knob knob); /* "scene" of NONE: the
 
 struct bb_trade_setting {
 	double memory_mib;                  /* 0: all */
+	uint32_t memory_bricks;             /* of choices read at once: at most so many a step, instead; 0: by memory_mib */
 	uint32_t bricks_per_frame;          /* 0: no limit */
-	const struct bb_selector *selector; /* opacity, leaf and child stream; others are read at once and complete */
+	const struct bb_selector *selector; /* opacity, leaf and child stream; others are read at once and complete, */
+	bool at_once;                       /* and so are these when it is said */
 	double tolerance;                   /* of selectors by tolerance, for space and for time */
 	double step_voxels;
 	uint32_t brick;
@@ -62,8 +64,10 @@ struct bb_trade_config {
 	bool inside;                    /* the eye in the middle of the volume, whatever the path says */
 	uint32_t width_px, height_px;
 	unsigned n_frames, n_drawn, n_timed;
+	bool settled; /* pictures are drawn when all that was selected has been read, at rest: what a selection is worth */
 	double disk_read_ns, disk_byte_ns; /* both 0: there in the next frame */
 	double reference_step;
+	uint32_t reference_brick; /* 0: 32. Data that can be rebuilt is f32 for the reference */
 	struct bb_renderer *renderer;   /* borrowed */
 	struct bb_clock *clk;           /* borrowed; for times only */
 };
@@ -73,6 +77,8 @@ struct bb_trade;
 BB_MUST_CHECK enum bb_status bb_trade_create(const struct bb_trade_config *config, struct bb_trade **out,
 					     struct bb_error *err);
 void bb_trade_destroy(struct bb_trade *t); /* NULL is allowed */
+/* Other pictures: the eye inside, or not. */
+BB_MUST_CHECK enum bb_status bb_trade_turn(struct bb_trade *t, bool inside, struct bb_error *err);
 /* Can brick sizes and value types be chosen? Not when the scene's data is a brick file. */
 bool bb_trade_rebuilds(const struct bb_trade *t);
 /* The brick size and type there are, of the scene's own setting. */

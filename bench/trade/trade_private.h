@@ -27,6 +27,9 @@ struct bb_trade {
 	struct bb_image picture[BB_TRADE_DRAWN_MOST]; /* reference */
 	struct bb_image image;
 	char reference[160];
+	struct bb_ratings ratings; /* of the last selector and bricks: many settings share theirs */
+	const struct bb_selector *rated_by;
+	const struct bb_bricks *rated;
 };
 
 /* One frame of a play, its memory the caller's. */
@@ -41,5 +44,6 @@ BB_MUST_CHECK enum bb_status bb_trade_bricks(struct bb_trade *t, uint32_t edge, 
 					     const struct bb_bricks **out, struct bb_error *err);
 /* Rays and samples of a picture's frame, counted without drawing. */
 struct bb_stream_counts bb_trade_count(struct bb_trade *t, unsigned picture, double step_voxels);
+void bb_trade_forget_ratings(struct bb_trade *t);
 
 #endif
