@@ -65,6 +65,8 @@ $B/%.o: %.c Makefile
 
 # Kernels that are chosen at run time; elsewhere than on x86-64 these files hold the portable one's name only.
 ifeq ($(shell uname -m),x86_64)
+$B/render/cpu/layer_kernel_avx2.o: ALL_CFLAGS += -mavx2 -mfma
+$B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif

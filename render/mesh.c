@@ -7,6 +7,7 @@
 #define LEAF_TRIANGLES 4
 #define DEPTH_MOST 64
 #define VERTEX_MOST_M 1e6F
+#define PLACES_PER_M 0x1p30 /* surfaces at one place are at one distance whichever triangles they are made of */
 #define BOX_SLACK_M 1e-9 /* a box is larger than its triangles by what rounding could take off */
 
 /* ---- one ray, one triangle ---- */
@@ -90,7 +91,8 @@ bool bb_mesh_ray_meets(const struct bb_mesh_ray *ray, const struct bb_mesh *mesh
 		return false;
 	for (int k = 0; k < 3; k++)
 		weight[k] /= area;
-	out->at_m = weight[0] * p[0][2] + weight[1] * p[1][2] + weight[2] * p[2][2];
+	const double at_m = weight[0] * p[0][2] + weight[1] * p[1][2] + weight[2] * p[2][2];
+	out->at_m = rint(at_m * PLACES_PER_M) / PLACES_PER_M;
 	if (!(out->at_m > 0))
 		return false;
 	out->triangle = triangle;

@@ -16,7 +16,7 @@ struct bb_mesh_ray { /* room */
 };
 
 struct bb_mesh_fragment {
-	double at_m;
+	double at_m; /* from the eye, to a nanometre */
 	uint32_t mesh, triangle;
 	double rgba[4]; /* not premultiplied */
 };

@@ -50,6 +50,9 @@ struct bb_draw {
 	/* A brick `up` levels above the leaves is sampled every 2^up-th step (i with i % 2^up == 2^up / 2), opacity
 	 * corrected for the longer one; "reference" does not. */
 	bool steps_by_level;
+	/* Where bricks of different levels meet, values go over into each other within half a voxel of the coarser one, on
+	 * the finer one's side, so that no seam shows ("cpu"; the others draw each brick for itself). */
+	bool blend_levels;
 };
 
 struct bb_draw_stats {

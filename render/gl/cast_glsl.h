@@ -4,8 +4,8 @@
  *
  * "@" in a piece stands for the layer's number. A ray asks the map where it is, walks to the end of what is alike there
  * and asks again; samples always lie at whole numbers of steps, so that what a brick is can change which texture is read
- * but never where. What only some pixels of a group want is in a loop and not in a branch, because llvmpipe runs both
- * sides of a branch but skips a loop that no pixel of a group wants.
+ * but never where. llvmpipe runs both sides of a branch, and a loop at least once: loops are
+ * few, and test at their end.
  */
 #ifndef BB_RENDER_GL_CAST_GLSL_H
 #define BB_RENDER_GL_CAST_GLSL_H
@@ -17,7 +17,8 @@ static const char bb_cast_vertex_glsl[] =
 	"	gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0);\n"
 	"}\n";
 
-/* Before it: "#version 330 core" and #defines: TABLE (entries), BY_LEVEL, LAYERS, MESHES (0 or 1). */
+/* Before it: "#version 330 core" and #defines: TABLE (entries), BY_LEVEL, LAYERS, MESHES (0 or 1), TAKES (samples that one
+ * look at the map serves), FRAGMENTS (most of a pixel), TILE (pixels); of cells.h: SEEN, PARTLY, FLAT. */
 static const char bb_cast_common_glsl[] =
 	"uniform vec2 u_pixel;\n" /* 1 / picture size */
 	"out vec4 o_colour;\n"
@@ -26,7 +27,7 @@ static const char bb_cast_common_glsl[] =
 	"#define ALONE (LAYERS == 1 && !MESHES)\n"
 	"vec4 sum = vec4(0.0);\n"
 	"\n"
-	"float two_to(uint k, float sign) { return uintBitsToFloat(uint(127 + int(sign) * int(k)) << 23u); }\n"
+	"float two_to(uint k) { return uintBitsToFloat((127u + k) << 23u); }\n"
 	"\n"
 	/* The built-in one may be off by 1e-4. A polynomial through Chebyshev's points, good to 2e-8. */
 	"float angle(float y, float x)\n" /* -pi..pi */
@@ -37,40 +38,31 @@ static const char bb_cast_common_glsl[] =
 	"	p = b > a ? 1.57079633 - p : p;\n"
 	"	p = x < 0.0 ? 3.14159265 - p : p;\n"
 	"	return y < 0.0 ? -p : p;\n"
-	"}\n"
-	"\n"
-	/* Word of a cell (see cells.h): position p of the volume is p * shrink + the result in the texture; flat: the
-	 * value, or -1. */
-	"vec3 place(uint word, vec3 cell, vec4 brick, vec3 texel, out float shrink, out float flat_value)\n"
-	"{\n"
-	"	vec3 slot = vec3((word >> 9u) & 15u, (word >> 13u) & 511u, (word >> 22u) & 511u);\n"
-	"	bool is_flat = word >= 0x80000000u;\n"
-	"	shrink = two_to((word >> 4u) & 31u, -1.0);\n"
-	"	flat_value = is_flat ? uintBitsToFloat(word & 0x7FFFFFF0u) : -1.0;\n"
-	"	vec3 from = (slot * brick.y - floor(cell * shrink) * brick.x + brick.z) * texel;\n"
-	"	shrink = is_flat ? 0.0 : shrink;\n"
-	"	return is_flat ? vec3(0.0) : from;\n"
 	"}\n";
 
-/* Before it: #defines STEPS@ (1 when the time falls on a step, else 2) and SPHERICAL@. */
+/* Before it: #defines STEPS@ (1 when the time falls on a step, else 2), SPHERICAL@, FLATS@ (there are cells of one value). */
 static const char bb_cast_layer_glsl[] =
 	"uniform vec3 u_corner@, u_across@, u_down@;\n" /* m, from the eye */
 	"uniform vec3 u_eye@, u_voxels_per_m@, u_dim@;\n" /* the eye in corner coordinates */
-	"uniform float u_step_m@, u_mix@;\n"
-	"uniform vec3 u_grid@, u_texel@;\n"
-	"uniform vec4 u_brick@;\n" /* edge, stored, pad, parts of a cell along an edge */
+	"uniform float u_step_m@, u_mix@, u_per_row@;\n" /* the last: 1 / rows of the table */
+	"uniform vec3 u_grid@, u_texel@, u_per_cells@;\n" /* cells; 1 / voxels of the texture, of all cells */
+	"uniform vec2 u_brick@;\n" /* edge; parts of a cell along an edge */
 	"#if SPHERICAL@\n"
 	"uniform vec3 u_from@, u_per@, u_size@;\n" /* of the grid: r, theta, phi; 1 / voxel; voxels */
 	"#endif\n"
-	"uniform usampler3D u_map@;\n"
-	"uniform sampler3D u_atlas@;\n"
+	"uniform usampler3D u_signs@;\n"
+	"uniform sampler3D u_places_a@, u_places_b@, u_atlas@;\n"
+	"#if BY_LEVEL\n"
 	"uniform sampler2D u_table@;\n"
+	"#define ENTRY@(v) vec2(v * ((TABLE - 1.0) / TABLE) + 0.5 / TABLE, row@)\n"
+	"#else\n"
+	"uniform sampler1D u_table@;\n"
+	"#define ENTRY@(v) (v * ((TABLE - 1.0) / TABLE) + 0.5 / TABLE)\n"
+	"#endif\n"
 	"\n"
-	"vec3 first@, stride@, inverse@, ahead@;\n"
+	"vec3 first@, stride@, inverse@, behind@, ahead@;\n"
 	"float enter@, i@, n@, end@, every@;\n" /* the next sample, how many, where to ask again, how many at once */
-	"int row@;\n"
-	"vec3 at_a@, by_a@, at_b@, by_b@;\n"    /* sample i in the texture: at + i * by */
-	"float flat_a@, flat_b@;\n"
+	"float row@;\n" /* of the table */
 	"\n"
 	"void begin@(vec2 share)\n"
 	"{\n"
@@ -83,11 +75,12 @@ static const char bb_cast_layer_glsl[] =
 	"	first@ = u_eye@ + d * (enter@ + 0.5 * u_step_m@);\n"
 	"	stride@ = d * u_step_m@;\n"
 	"	inverse@ = 1.0 / stride@;\n"
-	"	ahead@ = vec3(greaterThan(stride@, vec3(0.0)));\n"
+	"	behind@ = first@ * inverse@;\n"
+	"	ahead@ = max(inverse@, vec3(0.0));\n" /* to a cell's far side: from its lower one when that is it */
 	"	n@ = leave > enter@ ? ceil((leave - enter@) / u_step_m@ - 0.5) : 0.0;\n"
 	"	i@ = end@ = 0.0;\n"
 	"	every@ = 1.0;\n"
-	"	row@ = 0;\n"
+	"	row@ = 0.0;\n"
 	"#if SPHERICAL@\n" /* what lies outside the ball shows nothing; a sample more on either side does no harm */
 	"	vec3 o = first@ - 0.5 * u_dim@;\n"
 	"	float radius = 0.5 * u_dim@.x, q = dot(stride@, stride@), h = dot(o, stride@) / q;\n"
@@ -97,91 +90,130 @@ static const char bb_cast_layer_glsl[] =
 	"#endif\n"
 	"}\n"
 	"\n"
-	"vec4 shade@(float v) { return texelFetch(u_table@, ivec2(int(v * float(TABLE - 1) + 0.5), row@), 0); }\n"
+	"vec4 shade@(float v) { return texture(u_table@, ENTRY@(v)); }\n"
 	"\n"
-	/* To the next sample that may show something, and the cell it lies in; i@ >= n@: there is none. */
+	/* m samples of one value. The logarithm of what is left: its built-in loses what little a thin mist takes. */
+	"vec4 shade@(float v, float m)\n"
+	"{\n"
+	"	vec4 c = shade@(v);\n"
+	"	float a = c.w, series = -a * (1.0 + a * (0.5 + a * (0.33333333 + a * (0.25 + a * 0.2))));\n"
+	"	float through = exp(m * (a < 0.1 ? series : log(max(1.0 - a, 1e-30))));\n"
+	"	return c * ((1.0 - through) / max(a, 1e-20));\n"
+	"}\n"
+	"\n"
+	"#if SPHERICAL@\n"
+	"bool grid@(inout vec3 p)\n" /* from the cube to the grid's own coordinates; false: outside */
+	"{\n"
+	"	p -= 0.5 * u_dim@;\n"
+	"	float phi = angle(p.z, p.x);\n"
+	"	phi = phi < u_from@.z ? phi + 6.28318531 : phi;\n"
+	"	p = (vec3(length(p), angle(length(p.xz), p.y), phi) - u_from@) * u_per@;\n"
+	"	return all(greaterThanEqual(p.xy, vec2(0.0))) && all(lessThanEqual(p, u_size@));\n"
+	"}\n"
+	"#endif\n"
+	"\n"
+	"vec3 at_a@, by_a@, at_b@, by_b@;\n" /* in the texture; from one sample to the next */
+	"float flat_a@, flat_b@;\n"
+	"\n"
+	/* Where the sample at `at` lies in the texture, by the cell that `of` lies in. */
+	"void place@(vec3 at, vec3 of)\n"
+	"{\n"
+	"	vec3 cell = of * u_per_cells@;\n"
+	"	vec4 a = texture(u_places_a@, cell);\n"
+	"	vec3 scale = u_texel@ * a.w;\n"
+	"	at_a@ = at * scale + a.xyz;\n"
+	"	by_a@ = stride@ * scale;\n"
+	"#if FLATS@\n"
+	"	flat_a@ = a.w > 0.0 ? -1.0 : a.x;\n"
+	"#endif\n"
+	"#if STEPS@ == 2\n"
+	"	vec4 b = texture(u_places_b@, cell);\n"
+	"	scale = u_texel@ * b.w;\n"
+	"	at_b@ = at * scale + b.xyz;\n"
+	"	by_b@ = stride@ * scale;\n"
+	"#if FLATS@\n"
+	"	flat_b@ = b.w > 0.0 ? -1.0 : b.x;\n"
+	"#endif\n"
+	"#endif\n"
+	"}\n"
+	"\n"
+	/* Sample i@ and TAKES - 1 behind it, by the cell of the middle one, or of the last one that is to be taken: up to end@
+	 * all bricks are of one level, and each knows half a voxel more than what is its own. */
+	"void find@()\n"
+	"{\n"
+	"#if !SPHERICAL@\n"
+	"	vec3 at = first@ + i@ * stride@;\n"
+	"	place@(at, TAKES > 1 ? first@ + min(i@ + 1.0, end@ - 1.0) * stride@ : at);\n"
+	"#endif\n"
+	"}\n"
+	"\n"
+	/* To the next sample that may show something, and how far one may go from there; i@ >= n@: there is none. */
 	"void advance@()\n"
 	"{\n"
-	"	while (i@ >= end@ && i@ < n@) {\n"
+	"	do {\n"
 	"		vec3 here = first@ + i@ * stride@;\n"
-	"		bool inside = true;\n"
 	"#if SPHERICAL@\n"
-	"		vec3 p = here - 0.5 * u_dim@;\n"
-	"		float phi = angle(p.z, p.x);\n"
-	"		here = (vec3(length(p), angle(length(p.xz), p.y), phi < u_from@.z ? phi + 6.28318531 : phi)\n"
-	"			- u_from@) * u_per@;\n"
-	"		inside = all(greaterThanEqual(here, vec3(0.0))) && all(lessThanEqual(here, u_size@));\n"
+	"		bool inside = grid@(here);\n"
 	"#endif\n"
-	"		vec3 cell = clamp(floor(here / u_brick@.x), vec3(0.0), u_grid@ - 1.0);\n"
-	"		uvec4 e = texelFetch(u_map@, ivec3(cell), 0);\n"
-	"		uint alike = e.x & 15u;\n"
-	"		bool partly = alike == 15u;\n"
-	"		float wide = u_brick@.x * (partly ? 1.0 / u_brick@.w : two_to(alike, 1.0));\n"
-	"		vec3 part = clamp(floor((here - cell * u_brick@.x) / wide), vec3(0.0), vec3(u_brick@.w - 1.0));\n"
-	"		uint bit = partly ? uint(part.x + 4.0 * part.y + 16.0 * part.z) : 0u;\n"
-	"		bool visible = inside && (((bit < 32u ? e.z : e.w) >> (bit & 31u)) & 1u) != 0u;\n"
+	"		vec3 cell = clamp(floor(here * (1.0 / u_brick@.x)), vec3(0.0), u_grid@ - 1.0);\n"
+	"		uvec4 sign = texelFetch(u_signs@, ivec3(cell), 0);\n"
+	"		bool partly = (sign.x & uint(PARTLY)) != 0u;\n"
+	"		float cells = two_to(sign.x & 15u), wide = u_brick@.x * (partly ? 1.0 / u_brick@.y : cells);\n"
+	"		vec3 low = floor(cell / cells) * (u_brick@.x * cells);\n"
+	"		vec3 part = clamp(floor((here - low) / wide), vec3(0.0), vec3(u_brick@.y - 1.0));\n"
+	"		uint bit = uint(part.x + 4.0 * part.y + 16.0 * part.z);\n"
+	"		uint bits = (bit < 32u ? sign.z : sign.w) >> (bit & 31u);\n"
+	"		bool seen = (sign.x & uint(SEEN)) != 0u && (!partly || (bits & 1u) != 0u);\n"
+	"		low += partly ? part * wide : vec3(0.0);\n"
 	"#if SPHERICAL@\n"
 	"		float stop = i@ + 1.0;\n"
+	"		seen = seen && inside;\n"
 	"#else\n"
-	"		vec3 low = partly ? cell * u_brick@.x + part * wide : floor(cell * two_to(alike, -1.0)) * wide;\n"
-	"		vec3 last = (low + ahead@ * wide - first@) * inverse@;\n"
+	"		vec3 last = low * inverse@ + (wide * ahead@ - behind@);\n"
 	"		float stop = min(n@, max(i@ + 1.0, ceil(min(min(last.x, last.y), last.z))));\n"
 	"#endif\n"
-	"		float shrink_a, shrink_b;\n"
-	"		vec3 from_a = place(e.x, cell, u_brick@, u_texel@, shrink_a, flat_a@);\n"
-	"#if STEPS@ == 2\n"
-	"		vec3 from_b = place(e.y, cell, u_brick@, u_texel@, shrink_b, flat_b@);\n"
-	"#endif\n"
-	"#if SPHERICAL@\n"
-	"		at_a@ = here * shrink_a * u_texel@ + from_a;\n"
-	"		by_a@ = vec3(0.0);\n"
-	"#if STEPS@ == 2\n"
-	"		at_b@ = here * shrink_b * u_texel@ + from_b;\n"
-	"		by_b@ = vec3(0.0);\n"
-	"#endif\n"
-	"#else\n"
-	"		at_a@ = first@ * shrink_a * u_texel@ + from_a;\n"
-	"		by_a@ = stride@ * shrink_a * u_texel@;\n"
-	"#if STEPS@ == 2\n"
-	"		at_b@ = first@ * shrink_b * u_texel@ + from_b;\n"
-	"		by_b@ = stride@ * shrink_b * u_texel@;\n"
-	"#endif\n"
-	"#endif\n"
 	"#if BY_LEVEL\n" /* the finer one of two bricks says how often */
-	"		uint up = flat_a@ >= 0.0 ? 0u : (e.x >> 4u) & 31u;\n"
-	"#if STEPS@ == 2\n"
-	"		up = min(up, flat_b@ >= 0.0 ? 0u : (e.y >> 4u) & 31u);\n"
-	"#endif\n"
-	"		every@ = two_to(up, 1.0);\n"
-	"		row@ = int(up);\n"
+	"		uint up = (sign.x >> 4u) & 31u;\n"
+	"		row@ = (float(up) + 0.5) * u_per_row@;\n"
+	"		every@ = two_to(up);\n"
 	"		float half_way = floor(0.5 * every@);\n"
 	"		i@ = max(i@, min(stop, ceil((i@ - half_way) / every@) * every@ + half_way));\n"
 	"#endif\n"
-	"		i@ = visible ? i@ : stop;\n"
+	"#if SPHERICAL@\n"
+	"		place@(here, here);\n"
+	"#endif\n"
+	"		i@ = seen ? i@ : stop;\n"
 	"		end@ = stop;\n"
-	"#if ALONE\n" /* a cell of one value: no sampling */
-	"		bool is_flat = flat_a@ >= 0.0;\n"
-	"		float v = flat_a@;\n"
+	"#if ALONE && FLATS@ && !SPHERICAL@\n" /* a cell of one value is not sampled: m samples at once */
+	"		float v = texelFetch(u_places_a@, ivec3(cell), 0).x, m = (sign.x & uint(FLAT)) != 0u ? stop - i@ : 0.0;\n"
 	"#if STEPS@ == 2\n"
-	"		is_flat = is_flat && flat_b@ >= 0.0;\n"
-	"		v = mix(v, flat_b@, u_mix@);\n"
+	"		v = mix(v, texelFetch(u_places_b@, ivec3(cell), 0).x, u_mix@);\n"
 	"#endif\n"
-	"		float flat_end = is_flat ? end@ : i@;\n"
-	"		vec4 colour = shade@(max(v, 0.0));\n"
-	"		for (; i@ < flat_end; i@++)\n"
-	"			sum += (1.0 - sum.w) * colour;\n"
+	"		sum += (1.0 - sum.w) * shade@(clamp(v, 0.0, 1.0), m);\n"
+	"		i@ += m;\n"
 	"#endif\n"
-	"	}\n"
+	"	} while (i@ >= end@ && i@ < n@);\n"
 	"}\n"
 	"\n"
+	/* The sample that was found; goes on to the next of the TAKES. */
 	"vec4 taken@()\n"
 	"{\n"
-	"	float v = texture(u_atlas@, at_a@ + i@ * by_a@).x;\n"
+	"	float v = texture(u_atlas@, at_a@).x;\n"
+	"#if FLATS@\n"
+	"	v = flat_a@ < 0.0 ? v : flat_a@;\n"
+	"#endif\n"
+	"#if TAKES > 1\n"
+	"	at_a@ += by_a@;\n"
+	"#endif\n"
 	"#if STEPS@ == 2\n"
-	"	float w = texture(u_atlas@, at_b@ + i@ * by_b@).x;\n"
-	"	v = mix(flat_a@ >= 0.0 ? flat_a@ : v, flat_b@ >= 0.0 ? flat_b@ : w, u_mix@);\n"
-	"#elif !ALONE\n"
-	"	v = flat_a@ >= 0.0 ? flat_a@ : v;\n"
+	"	float w = texture(u_atlas@, at_b@).x;\n"
+	"#if FLATS@\n"
+	"	w = flat_b@ < 0.0 ? w : flat_b@;\n"
+	"#endif\n"
+	"#if TAKES > 1\n"
+	"	at_b@ += by_b@;\n"
+	"#endif\n"
+	"	v = mix(v, w, u_mix@);\n"
 	"#endif\n"
 	"	return shade@(v);\n"
 	"}\n"
@@ -196,9 +228,134 @@ static const char bb_cast_alone_glsl[] =
 	"	begin0(gl_FragCoord.xy * u_pixel);\n" /* row 0 of the framebuffer is the picture's top row */
 	"	while (i0 < n0) {\n"
 	"		advance0();\n"
-	"		for (; i0 < end0; i0 = min(i0 + every0, end0))\n"
-	"			sum += (1.0 - sum.w) * taken0();\n"
+	"		do {\n"
+	"			find0();\n"
+	"			sum += (i0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
+	"#if TAKES > 1\n"
+	"			sum += (i0 + 1.0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
+	"			sum += (i0 + 2.0 < end0 ? 1.0 - sum.w : 0.0) * taken0();\n"
+	"#endif\n"
+	"#if BY_LEVEL\n"
+	"			i0 = min(i0 + every0, end0);\n"
+	"#else\n"
+	"			i0 = min(i0 + float(TAKES), end0);\n"
+	"#endif\n"
+	"		} while (i0 < end0);\n"
 	"		i0 = sum.w > 1.0 - OPAQUE ? n0 : i0;\n"
+	"	}\n"
+	BB_CAST_END;
+
+/* ---- several volumes, and meshes: the A-buffer ---- */
+
+/* What the pixel's ray meets of the triangles of its tile, sorted by the distance from the eye, and those that are as far
+ * in their own order. */
+static const char bb_cast_meshes_glsl[] =
+	"uniform vec3 u_room_corner, u_room_across, u_room_down;\n"
+	"uniform samplerBuffer u_planes, u_colours;\n"
+	"uniform usamplerBuffer u_tiles;\n"
+	"uniform int u_tiles_across;\n"
+	"float far_m[FRAGMENTS];\n"
+	"int which[FRAGMENTS];\n"
+	"vec3 direction;\n"
+	"\n"
+	"vec4 plane(int triangle, int k) { return texelFetch(u_planes, triangle * 3 + k); }\n"
+	"\n"
+	/* A ray through an edge is on the side on which one a little to its right is, then one a little below. */
+	"bool within(vec3 normal)\n"
+	"{\n"
+	"	float w = dot(direction, normal), right = dot(u_room_across, normal), below = dot(u_room_down, normal);\n"
+	"	return (w != 0.0 ? w : right != 0.0 ? right : below) > 0.0;\n"
+	"}\n"
+	"\n"
+	"int collect(vec2 share)\n"
+	"{\n"
+	"	ivec2 tile = ivec2(gl_FragCoord.xy) / TILE;\n"
+	"	int at = tile.y * u_tiles_across + tile.x, n = 0;\n"
+	"	int end = int(texelFetch(u_tiles, at + 1).x);\n"
+	"	direction = normalize(u_room_corner + share.x * u_room_across + share.y * u_room_down);\n"
+	"	for (int k = int(texelFetch(u_tiles, at).x); k < end; k++) {\n"
+	"		int triangle = int(texelFetch(u_tiles, k).x);\n"
+	"		vec4 a = plane(triangle, 0), b = plane(triangle, 1), c = plane(triangle, 2);\n"
+	"		float m = a.w / dot(direction, a.xyz + b.xyz + c.xyz);\n"
+	"		if (!within(a.xyz) || !within(b.xyz) || !within(c.xyz) || (n == FRAGMENTS && m >= far_m[FRAGMENTS - 1]))\n"
+	"			continue;\n"
+	"		int j = min(n, FRAGMENTS - 1);\n"
+	"		n = j + 1;\n"
+	"		for (; j > 0 && far_m[j - 1] > m; j--) {\n"
+	"			far_m[j] = far_m[j - 1];\n"
+	"			which[j] = which[j - 1];\n"
+	"		}\n"
+	"		far_m[j] = m;\n"
+	"		which[j] = triangle;\n"
+	"	}\n"
+	"	return n;\n"
+	"}\n"
+	"\n"
+	"vec4 surface(int triangle)\n"
+	"{\n"
+	"	vec4 a = plane(triangle, 0), b = plane(triangle, 1), c = plane(triangle, 2);\n"
+	"	vec3 w = vec3(dot(direction, a.xyz), dot(direction, b.xyz), dot(direction, c.xyz));\n"
+	"	int corner = int(b.w) * 3;\n"
+	"	vec4 rgba = w.x * texelFetch(u_colours, corner) + w.y * texelFetch(u_colours, corner + 1) +\n"
+	"		w.z * texelFetch(u_colours, corner + 2);\n"
+	"	rgba = clamp(rgba / (w.x + w.y + w.z), 0.0, 1.0);\n"
+	"	return vec4(rgba.xyz * rgba.w, rgba.w);\n"
+	"}\n"
+	"\n";
+
+/* For each layer, behind the layers' own pieces. "next" is the distance of its next sample, "beyond" that of the first
+ * sample that one must ask the map for. */
+static const char bb_cast_turn_glsl[] =
+	"float next@, beyond@;\n"
+	"float distance@(float i) { return i < n@ ? enter@ + (i + 0.5) * u_step_m@ : FAR; }\n"
+	"void ready@()\n"
+	"{\n"
+	"	if (i@ >= end@ && i@ < n@)\n"
+	"		advance@();\n"
+	"	next@ = distance@(i@);\n"
+	"	beyond@ = i@ < n@ ? enter@ + (end@ + 0.5) * u_step_m@ : FAR;\n"
+	"}\n"
+	"void turn@(float nearest, float until)\n"
+	"{\n"
+	"	bool go = next@ == nearest && next@ < until;\n"
+	"	find@();\n"
+	"	sum += (go ? 1.0 - sum.w : 0.0) * taken@();\n"
+	"	i@ = go ? min(i@ + every@, end@) : i@;\n"
+	"	next@ = distance@(i@);\n"
+	"}\n"
+	"\n";
+
+/* Between them, once for each layer: bb_cast_begin_glsl, bb_cast_ready_glsl, bb_cast_turns_glsl. NEAREST and BEYOND are
+ * the least of all layers' next and beyond. */
+static const char bb_cast_merge_glsl[] =
+	"void main()\n"
+	"{\n"
+	"	vec2 share = gl_FragCoord.xy * u_pixel;\n"
+	"	float surface_m = FAR;\n"
+	"#if MESHES\n"
+	"	int n_surfaces = collect(share), surfaces = 0;\n"
+	"	surface_m = n_surfaces > 0 ? far_m[0] : FAR;\n"
+	"#endif\n";
+static const char bb_cast_begin_glsl[] = "	begin@(share);\n";
+static const char bb_cast_rounds_glsl[] =
+	"	bool more = true;\n"
+	"	while (more) {\n";
+static const char bb_cast_ready_glsl[] = "		ready@();\n";
+static const char bb_cast_samples_glsl[] =
+	"		float until = BEYOND;\n"
+	"		do {\n";
+/* At equal distances volumes come before surfaces: a sample as far as the surface is still taken. */
+static const char bb_cast_turns_glsl[] = "			turn@(NEAREST, next@ <= surface_m ? until : 0.0);\n";
+static const char bb_cast_surfaces_glsl[] =
+	"		} while (NEAREST < until && NEAREST <= surface_m && sum.w <= 1.0 - OPAQUE);\n"
+	"#if MESHES\n"
+	"		if (surface_m < min(NEAREST, until)) {\n"
+	"			sum += (1.0 - sum.w) * surface(which[surfaces]);\n"
+	"			surfaces++;\n"
+	"			surface_m = surfaces < n_surfaces ? far_m[surfaces] : FAR;\n"
+	"		}\n"
+	"#endif\n"
+	"		more = sum.w <= 1.0 - OPAQUE && min(NEAREST, surface_m) < FAR;\n"
 	"	}\n"
 	BB_CAST_END;
 

@@ -4,11 +4,9 @@
 
 #define MARGIN 8 /* 65535ths: more than one entry of the table */
 #define SHADE (65536 / BB_GL_SHADES)
-#define PLACE_X_MOST 16
-#define PLACE_MOST 512
+#define ACROSS_MOST 16
 #define ROW_BYTES 64 /* rows of a texture begin at multiples of this */
-#define JUMP_MOST 4
-#define ALL_PARTS UINT32_MAX
+#define JUMP_MOST 15
 
 void bb_gl_sight_make(const struct bb_transfer *tf, struct bb_gl_sight *out)
 {
@@ -28,10 +26,10 @@ static bool seen(const struct bb_gl_sight *s, struct bb_atlas_range r)
 
 bool bb_gl_layout_make(uint32_t n_slots, uint32_t stored, size_t voxel_bytes, uint32_t most, struct bb_gl_layout *out)
 {
-	const uint32_t n = n_slots ? n_slots : 1, along = most / stored < PLACE_MOST ? most / stored : PLACE_MOST;
+	const uint32_t n = n_slots ? n_slots : 1, along = most / stored;
 	uint64_t best = UINT64_MAX;
 
-	for (uint32_t x = 1; along && x <= PLACE_X_MOST && x <= along; x++) {
+	for (uint32_t x = 1; along && x <= ACROSS_MOST && x <= along; x++) {
 		const uint32_t columns = (n + along - 1) / along, y = (columns + x - 1) / x, z = (n + x * y - 1) / (x * y);
 		const uint64_t row = (x * stored * voxel_bytes + ROW_BYTES - 1) / ROW_BYTES * ROW_BYTES, bytes = row * y * z;
 		if (y > along || bytes >= best)
@@ -120,48 +118,102 @@ static bool part_seen(const struct bb_atlas *atlas, const struct bb_gl_sight *si
 	return seen(sight, r);
 }
 
-static void see_parts(const struct bb_atlas *atlas, const struct bb_gl_sight *sight, size_t cell, const uint32_t at[3],
-		      struct bb_gl_cell *out)
+static uint64_t parts_seen(const struct bb_atlas *atlas, const struct bb_gl_sight *sight, size_t cell, const uint32_t at[3],
+			   uint32_t parts)
 {
-	const uint32_t parts = bb_gl_parts(atlas->edge);
-	uint32_t part[3], n = 0;
+	uint32_t part[3];
 	uint64_t mask = 0;
 
 	for (part[2] = 0; part[2] < parts; part[2]++)
 		for (part[1] = 0; part[1] < parts; part[1]++)
 			for (part[0] = 0; part[0] < parts; part[0]++)
-				if (part_seen(atlas, sight, cell, at, part, parts)) {
+				if (part_seen(atlas, sight, cell, at, part, parts))
 					mask |= UINT64_C(1) << (part[0] + 4 * part[1] + 16 * part[2]);
-					n++;
-				}
-	if (n == 0) { /* so that all that shows nothing is alike */
-		memset(out, 0, sizeof(*out));
-	} else if (n == parts * parts * parts) {
-		out->word[2] = out->word[3] = ALL_PARTS;
-	} else {
-		out->word[0] = (out->word[0] & ~UINT32_C(15)) | BB_GL_CELL_PARTLY;
-		out->word[2] = (uint32_t)mask;
-		out->word[3] = (uint32_t)(mask >> 32);
-	}
+	return mask;
 }
 
-static uint32_t place_word(const struct bb_gl_layout *l, const struct bb_atlas_cell *c)
-{
-	uint32_t at[3], bits;
+/* ---- a cell ---- */
 
-	if (c->slot < 0) {
-		memcpy(&bits, &(float){ c->value > 0 ? (c->value < 1 ? c->value : 1) : 0 }, sizeof(bits));
-		return UINT32_C(1) << 31 | (bits & ~UINT32_C(15));
-	}
-	bb_gl_layout_at(l, (uint32_t)c->slot, at);
-	return c->up << 4 | at[0] << 9 | at[1] << 13 | at[2] << 22;
+static struct bb_gl_place place_of(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
+				   const struct bb_atlas_cell *c, const uint32_t at[3])
+{
+	const double shrink = 1.0 / (double)(UINT32_C(1) << c->up);
+	struct bb_gl_place out = { .shrink = (float)shrink };
+	uint32_t slot[3];
+
+	if (c->slot < 0)
+		return (struct bb_gl_place){ { c->value > 0 ? (c->value < 1 ? c->value : 1) : 0, 0, 0 }, 0 };
+	bb_gl_layout_at(l, (uint32_t)c->slot, slot);
+	for (int a = 0; a < 3; a++)
+		out.at[a] = (float)(((double)slot[a] * atlas->stored - (double)(at[a] >> c->up) * atlas->edge + atlas->pad) *
+				    texel[a]);
+	return out;
+}
+
+static uint64_t all_parts(uint32_t parts)
+{
+	const uint64_t row = (UINT64_C(1) << parts) - 1;
+	uint64_t plane = 0, all = 0;
+
+	for (uint32_t i = 0; i < parts; i++)
+		plane |= row << 4 * i;
+	for (uint32_t i = 0; i < parts; i++)
+		all |= plane << 16 * i;
+	return all;
+}
+
+/* Of the finer one of the bricks; cells of one value have none. */
+static uint32_t up_of(const struct bb_atlas_cell *a, const struct bb_atlas_cell *b)
+{
+	if (a->slot < 0)
+		return b->slot < 0 ? 0 : b->up;
+	return b->slot < 0 || a->up < b->up ? a->up : b->up;
+}
+
+static void fill_cell(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
+		      const struct bb_gl_sight *sight, size_t i, const uint32_t at[3], struct bb_gl_cells *out)
+{
+	const uint32_t parts = bb_gl_parts(atlas->edge);
+	const struct bb_atlas_cell *a = &atlas->map[0][i], *b = &atlas->map[atlas->n_shown > 1][i];
+	const uint32_t up = up_of(a, b);
+	const uint64_t mask = parts_seen(atlas, sight, i, at, parts);
+
+	out->sign[i] = (struct bb_gl_sign){ .parts = { (uint32_t)mask, (uint32_t)(mask >> 32) } };
+	out->place[0][i] = place_of(atlas, l, texel, a, at);
+	out->place[1][i] = atlas->n_shown > 1 ? place_of(atlas, l, texel, b, at) : (struct bb_gl_place){ .shrink = 0 };
+	if (!mask)
+		return;
+	out->any_flat |= a->slot < 0 || b->slot < 0;
+	out->sign[i].word = up << 4 | BB_GL_SIGN_SEEN | (mask == all_parts(parts) ? 0 : BB_GL_SIGN_PARTLY) |
+			    (a->slot < 0 && b->slot < 0 ? BB_GL_SIGN_FLAT : 0);
 }
 
 /* ---- how far a ray may go ---- */
 
-static bool alike(const struct bb_gl_cell *a, const struct bb_gl_cell *b)
+struct joining {
+	const struct bb_gl_cells *cells;
+	const uint32_t *n;
+};
+
+static size_t index_of(const struct joining *j, uint32_t x, uint32_t y, uint32_t z)
 {
-	return !memcmp(a, b, sizeof(*a)) && (a->word[0] & 15) != BB_GL_CELL_PARTLY;
+	return ((size_t)z * j->n[1] + y) * j->n[0] + x;
+}
+
+static bool same_level(const struct bb_gl_place *a, const struct bb_gl_place *b)
+{
+	return a->shrink > 0 ? a->shrink == b->shrink : !memcmp(a, b, sizeof(*a));
+}
+
+/* Cells that show nothing are alike, and so are cells of bricks of one level, whichever they are: a brick's padding knows
+ * its neighbours of the same level. Of one value: those of the same. */
+static bool alike(const struct joining *j, size_t a, size_t b)
+{
+	const struct bb_gl_cells *c = j->cells;
+
+	return c->sign[a].word == c->sign[b].word &&
+	       (!(c->sign[a].word & BB_GL_SIGN_SEEN) ||
+		(same_level(&c->place[0][a], &c->place[0][b]) && same_level(&c->place[1][a], &c->place[1][b])));
 }
 
 static uint32_t end_of(uint32_t from, uint32_t wide, uint32_t most)
@@ -170,42 +222,41 @@ static uint32_t end_of(uint32_t from, uint32_t wide, uint32_t most)
 }
 
 /* The cells of a cube of 2^k cells, of which cubes half as wide are done; what lies outside the volume is like anything. */
-static void join(const uint32_t n[3], const uint32_t from[3], uint32_t k, struct bb_gl_cell *cells)
+static void join(const struct joining *j, const uint32_t from[3], uint32_t k)
 {
-	const uint32_t wide = UINT32_C(1) << k, half = wide / 2;
-	const struct bb_gl_cell *first = &cells[((size_t)from[2] * n[1] + from[1]) * n[0] + from[0]];
+	const uint32_t wide = UINT32_C(1) << k, half = wide / 2, *n = j->n;
+	const size_t first = index_of(j, from[0], from[1], from[2]);
 	const uint32_t to[3] = { end_of(from[0], wide, n[0]), end_of(from[1], wide, n[1]), end_of(from[2], wide, n[2]) };
 
-	if ((first->word[0] & 15) != k - 1)
+	if ((j->cells->sign[first].word & 15) != k - 1 || j->cells->sign[first].word & BB_GL_SIGN_PARTLY)
 		return;
 	for (uint32_t z = from[2]; z < to[2]; z += half)
 		for (uint32_t y = from[1]; y < to[1]; y += half)
 			for (uint32_t x = from[0]; x < to[0]; x += half)
-				if (!alike(&cells[((size_t)z * n[1] + y) * n[0] + x], first))
+				if (!alike(j, index_of(j, x, y, z), first))
 					return;
 	for (uint32_t z = from[2]; z < to[2]; z++)
 		for (uint32_t y = from[1]; y < to[1]; y++)
 			for (uint32_t x = from[0]; x < to[0]; x++)
-				cells[((size_t)z * n[1] + y) * n[0] + x].word[0] += 1;
+				j->cells->sign[index_of(j, x, y, z)].word += 1;
 }
 
-void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const struct bb_gl_sight *sight,
-		      struct bb_gl_cell *out)
+void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
+		      const struct bb_gl_sight *sight, struct bb_gl_cells *out)
 {
-	const uint32_t *n = atlas->grid;
+	const uint32_t *n = atlas->grid, xy = n[0] > n[1] ? n[0] : n[1], most = xy > n[2] ? xy : n[2];
+	const struct joining j = { out, n };
 	uint32_t at[3];
 	size_t i = 0;
 
+	out->any_flat = false;
 	for (at[2] = 0; at[2] < n[2]; at[2]++)
 		for (at[1] = 0; at[1] < n[1]; at[1]++)
-			for (at[0] = 0; at[0] < n[0]; at[0]++, i++) {
-				out[i].word[0] = place_word(l, &atlas->map[0][i]);
-				out[i].word[1] = place_word(l, &atlas->map[atlas->n_shown > 1][i]);
-				see_parts(atlas, sight, i, at, &out[i]);
-			}
-	for (uint32_t k = 1; k <= JUMP_MOST; k++)
+			for (at[0] = 0; at[0] < n[0]; at[0]++)
+				fill_cell(atlas, l, texel, sight, i++, at, out);
+	for (uint32_t k = 1; k <= JUMP_MOST && UINT32_C(1) << (k - 1) < most; k++)
 		for (at[2] = 0; at[2] < n[2]; at[2] += UINT32_C(1) << k)
 			for (at[1] = 0; at[1] < n[1]; at[1] += UINT32_C(1) << k)
 				for (at[0] = 0; at[0] < n[0]; at[0] += UINT32_C(1) << k)
-					join(n, at, k, out);
+					join(&j, at, k);
 }

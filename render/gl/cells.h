@@ -1,7 +1,6 @@
 /*
- * render/gl/cells.h: the map as the shader reads it: four words for each cell, which say where the bricks of the one or
- * two maps on show lie, how far a ray may go before it must ask again, and which parts of the cell can show anything
- * under a transfer function. Arithmetic only.
+ * render/gl/cells.h: the map as the shader reads it: where the bricks of the one or two maps on show lie, how far a ray
+ * may go before it must ask again, and which parts of a cell can show anything under a transfer function. Arithmetic only.
  */
 #ifndef BB_RENDER_GL_CELLS_H
 #define BB_RENDER_GL_CELLS_H
@@ -30,16 +29,28 @@ void bb_gl_layout_at(const struct bb_gl_layout *l, uint32_t slot, uint32_t at[3]
 /* Parts of a cell along an edge that are seen or skipped each on its own: 1 to 4. */
 uint32_t bb_gl_parts(uint32_t edge);
 
-/*
- * Words 0, 1, for each map: bits 0..3 in word 0: the aligned cube of 2^bits cells around this one is all alike; 15: the
- * parts of this cell are not. Bits 4..8: levels above the leaves; 9..12, 13..21, 22..30: the slot's place. Bit 31: no
- * slot: bits 4..30 are those of the value as a float. Words 2, 3: bit x + 4 y + 16 z: that part of the cell can be seen.
- */
-struct bb_gl_cell {
-	uint32_t word[4];
+/* Where a brick is, for one map: position p of the volume is at + p * shrink * texel in the texture. A cell of one value:
+ * shrink is 0 and at[0] the value. */
+struct bb_gl_place {
+	float at[3], shrink;
 };
-#define BB_GL_CELL_PARTLY 15u
-void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const struct bb_gl_sight *sight,
-		      struct bb_gl_cell *out);
+
+/* What is to be seen of a cell: bits 0..3: the aligned cube of 2^bits cells around it is all alike; 4..8: levels above the
+ * leaves, of the finer of two bricks; the others as below. */
+struct bb_gl_sign {
+	uint32_t word, unused, parts[2]; /* bit x + 4 y + 16 z: that part can show something */
+};
+#define BB_GL_SIGN_SEEN 0x200u   /* it can show something */
+#define BB_GL_SIGN_PARTLY 0x400u /* only some of its parts can */
+#define BB_GL_SIGN_FLAT 0x800u   /* it has one value */
+
+struct bb_gl_cells { /* [cells z][y][x], the caller's */
+	struct bb_gl_place *place[2];
+	struct bb_gl_sign *sign;
+	bool any_flat; /* a cell of one value can be seen */
+};
+/* texel: 1 / voxels of the texture along each axis. */
+void bb_gl_cells_fill(const struct bb_atlas *atlas, const struct bb_gl_layout *l, const double texel[3],
+		      const struct bb_gl_sight *sight, struct bb_gl_cells *out);
 
 #endif

@@ -16,7 +16,7 @@ static const struct format { /* of voxels, by enum bb_brick_type */
 
 static GLenum target_of(enum bb_gl_texture which)
 {
-	return which == BB_GL_TABLE ? GL_TEXTURE_2D : GL_TEXTURE_3D;
+	return which == BB_GL_TABLE ? GL_TEXTURE_1D : which == BB_GL_TABLES ? GL_TEXTURE_2D : GL_TEXTURE_3D;
 }
 
 void bb_gl_copy_init(struct bb_gl_copy *c, const struct bb_gl *gl)
@@ -43,12 +43,24 @@ void bb_gl_copy_forget(struct bb_gl_copy *c)
 	c->levels = 0;
 }
 
+static void free_maps(struct bb_gl_copy *c)
+{
+	struct bb_gl_cells *const both[] = { &c->sent, &c->next };
+
+	free(c->seen);
+	c->seen = NULL;
+	for (int k = 0; k < 2; k++) {
+		free(both[k]->place[0]);
+		free(both[k]->place[1]);
+		free(both[k]->sign);
+		*both[k] = (struct bb_gl_cells){ .sign = NULL };
+	}
+}
+
 void bb_gl_copy_release(struct bb_gl_copy *c, const struct bb_gl *gl)
 {
 	gl->DeleteTextures(BB_GL_TEXTURES, c->name);
-	free(c->seen);
-	free(c->cells);
-	free(c->next);
+	free_maps(c);
 	*c = (struct bb_gl_copy){ 0 };
 }
 
@@ -78,17 +90,41 @@ static size_t cells_of(const struct bb_atlas *atlas)
 
 /* ---- another atlas ---- */
 
+static bool allocate_cells(struct bb_gl_cells *cells, size_t n)
+{
+	for (int k = 0; k < 2; k++)
+		cells->place[k] = calloc(n, sizeof(*cells->place[k]));
+	cells->sign = calloc(n, sizeof(*cells->sign));
+	return cells->place[0] && cells->place[1] && cells->sign;
+}
+
 static enum bb_status allocate(struct bb_gl_copy *c, const struct bb_atlas *atlas, struct bb_error *err)
 {
-	free(c->seen);
-	free(c->cells);
-	free(c->next);
+	const size_t n = cells_of(atlas);
+
+	free_maps(c);
 	c->seen = calloc(atlas->n_slots + (size_t)1, sizeof(*c->seen));
-	c->cells = calloc(cells_of(atlas), sizeof(*c->cells));
-	c->next = calloc(cells_of(atlas), sizeof(*c->next));
-	if (!c->seen || !c->cells || !c->next)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "maps of %zu bricks", cells_of(atlas));
+	if (!c->seen || !allocate_cells(&c->sent, n) || !allocate_cells(&c->next, n))
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "maps of %zu bricks", n);
 	return BB_OK;
+}
+
+static GLenum values_of(enum bb_gl_texture which)
+{
+	return which == BB_GL_SIGNS ? GL_RGBA_INTEGER : GL_RGBA;
+}
+
+static GLenum type_of(enum bb_gl_texture which)
+{
+	return which == BB_GL_SIGNS ? GL_UNSIGNED_INT : GL_FLOAT;
+}
+
+static void make_map(const struct bb_gl_copy *c, const struct bb_gl *gl, enum bb_gl_texture which,
+		     const struct bb_atlas *atlas)
+{
+	use(c, gl, which);
+	gl->TexImage3D(GL_TEXTURE_3D, 0, which == BB_GL_SIGNS ? GL_RGBA32UI : GL_RGBA32F, (GLsizei)atlas->grid[0],
+		       (GLsizei)atlas->grid[1], (GLsizei)atlas->grid[2], 0, values_of(which), type_of(which), NULL);
 }
 
 static enum bb_status adopt(struct bb_gl_copy *c, const struct bb_gl *gl, const struct bb_atlas *atlas,
@@ -107,18 +143,19 @@ static enum bb_status adopt(struct bb_gl_copy *c, const struct bb_gl *gl, const 
 	if (!bb_gl_layout_make(atlas->n_slots, atlas->stored, bb_brick_type_bytes(atlas->type), (uint32_t)most, &c->layout))
 		return bb_fail(err, BB_ERR_RANGE, 1805, NULL, "%" PRIu32 " bricks, textures end at %d", atlas->n_slots,
 			       most);
-	for (int a = 0; a < 3; a++)
+	for (int a = 0; a < 3; a++) {
 		c->voxels[a] = c->layout.across[a] * atlas->stored;
+		c->texel[a] = 1.0 / c->voxels[a];
+	}
 	use(c, gl, BB_GL_ATLAS);
 	gl->TexImage3D(GL_TEXTURE_3D, 0, f->inside, (GLsizei)c->voxels[0], (GLsizei)c->voxels[1], (GLsizei)c->voxels[2], 0,
 		       GL_RED, f->type, NULL);
-	use(c, gl, BB_GL_MAP);
-	gl->TexImage3D(GL_TEXTURE_3D, 0, GL_RGBA32UI, (GLsizei)atlas->grid[0], (GLsizei)atlas->grid[1],
-		       (GLsizei)atlas->grid[2], 0, GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
+	for (enum bb_gl_texture t = BB_GL_PLACES_A; t <= BB_GL_SIGNS; t++)
+		make_map(c, gl, t, atlas);
 	if (gl->GetError() != GL_NO_ERROR)
 		return no_memory(err, "the bricks' texture");
 	c->generation = c->map_generation = UINT64_MAX; /* no generation is that old */
-	c->cells_sent = false;
+	c->any_sent = false;
 	c->atlas = atlas;
 	return BB_OK;
 }
@@ -184,30 +221,49 @@ static enum bb_status send_slots(struct bb_gl_copy *c, const struct bb_gl *gl, s
 
 /* ---- the map ---- */
 
+/* One of the map's textures, if it differs from what has gone. */
+static enum bb_status send_cells(const struct bb_gl_copy *c, const struct bb_gl *gl, struct bb_gl_sender *sender,
+				 enum bb_gl_texture which, const void *next, const void *sent, size_t cell_bytes,
+				 uint64_t *bytes, struct bb_error *err)
+{
+	const struct bb_atlas *atlas = c->atlas;
+	const size_t n_bytes = cells_of(atlas) * cell_bytes;
+
+	if (c->any_sent && !memcmp(next, sent, n_bytes))
+		return BB_OK;
+	use(c, gl, which);
+	if (!bb_gl_sender_put(sender, gl, next, n_bytes))
+		return no_memory(err, "the map");
+	gl->TexSubImage3D(GL_TEXTURE_3D, 0, 0, 0, 0, (GLsizei)atlas->grid[0], (GLsizei)atlas->grid[1],
+			  (GLsizei)atlas->grid[2], values_of(which), type_of(which), NULL);
+	bb_gl_sender_done(gl);
+	*bytes += n_bytes;
+	return BB_OK;
+}
+
 static enum bb_status send_map(struct bb_gl_copy *c, const struct bb_gl *gl, struct bb_gl_sender *sender,
 			       uint64_t *bytes, struct bb_error *err)
 {
 	const struct bb_atlas *atlas = c->atlas;
-	const size_t n_bytes = cells_of(atlas) * sizeof(*c->cells);
+	const struct bb_gl_cells sent = c->sent;
+	struct bb_gl_cells next = c->next;
+	enum bb_status st = BB_OK;
 
 	if (c->map_generation == atlas->map_generation && c->n_shown == atlas->n_shown)
 		return BB_OK;
-	bb_gl_cells_fill(atlas, &c->layout, &c->sight, c->next);
+	bb_gl_cells_fill(atlas, &c->layout, c->texel, &c->sight, &next);
+	for (int k = 0; k < 2 && st == BB_OK; k++)
+		st = send_cells(c, gl, sender, k ? BB_GL_PLACES_B : BB_GL_PLACES_A, next.place[k], sent.place[k],
+				sizeof(*next.place[k]), bytes, err);
+	if (st == BB_OK)
+		st = send_cells(c, gl, sender, BB_GL_SIGNS, next.sign, sent.sign, sizeof(*next.sign), bytes, err);
+	if (st != BB_OK)
+		return st;
+	c->next = sent;
+	c->sent = next;
+	c->any_sent = true;
 	c->map_generation = atlas->map_generation;
 	c->n_shown = atlas->n_shown;
-	if (c->cells_sent && !memcmp(c->cells, c->next, n_bytes))
-		return BB_OK;
-	use(c, gl, BB_GL_MAP);
-	if (!bb_gl_sender_put(sender, gl, c->next, n_bytes))
-		return no_memory(err, "the map");
-	gl->TexSubImage3D(GL_TEXTURE_3D, 0, 0, 0, 0, (GLsizei)atlas->grid[0], (GLsizei)atlas->grid[1],
-			  (GLsizei)atlas->grid[2], GL_RGBA_INTEGER, GL_UNSIGNED_INT, NULL);
-	bb_gl_sender_done(gl);
-	struct bb_gl_cell *sent = c->next;
-	c->next = c->cells;
-	c->cells = sent;
-	c->cells_sent = true;
-	*bytes += n_bytes;
 	return BB_OK;
 }
 
@@ -256,7 +312,10 @@ static enum bb_status send_table(struct bb_gl_copy *c, const struct bb_gl *gl, c
 	for (uint32_t up = 0; up < levels; up++)
 		fill_row(tf, step_voxels * (double)(UINT32_C(1) << up), table + (size_t)up * BB_GL_TABLE_ENTRIES);
 	use(c, gl, BB_GL_TABLE);
-	gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
+	gl->TexImage1D(GL_TEXTURE_1D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, 0, GL_RGBA, GL_FLOAT, table);
+	use(c, gl, BB_GL_TABLES);
+	if (levels > 1)
+		gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
 	free(table);
 	if (!c->levels || !same_transfer(&c->transfer, tf)) {
 		bb_gl_sight_make(tf, &c->sight);

@@ -9,7 +9,8 @@
 #include "render/gl/sender.h"
 #include "render/renderer_driver.h"
 
-enum bb_gl_texture { BB_GL_ATLAS, BB_GL_MAP, BB_GL_TABLE, BB_GL_TEXTURES }; /* of a layer; units in this order */
+/* Textures of a layer; units in this order. */
+enum bb_gl_texture { BB_GL_ATLAS, BB_GL_PLACES_A, BB_GL_PLACES_B, BB_GL_SIGNS, BB_GL_TABLE, BB_GL_TABLES, BB_GL_TEXTURES };
 
 struct bb_gl_copy {
 	GLuint name[BB_GL_TEXTURES];
@@ -21,11 +22,12 @@ struct bb_gl_copy {
 	uint64_t generation, map_generation;
 	uint32_t n_shown;                /* maps */
 	uint64_t *seen;                  /* [n_slots] generation sent; 0: none */
-	struct bb_gl_cell *cells, *next; /* [cells] as sent; as to be sent */
-	bool cells_sent;
+	struct bb_gl_cells sent, next;   /* as it has gone; as it is to go */
+	bool any_sent;
 	struct bb_gl_layout layout;
 	struct bb_gl_sight sight;
 	uint32_t voxels[3]; /* of the atlas texture */
+	double texel[3];    /* 1 / voxels */
 };
 
 void bb_gl_copy_init(struct bb_gl_copy *c, const struct bb_gl *gl);

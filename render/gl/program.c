@@ -6,35 +6,11 @@
 
 #include "render/gl/cast_glsl.h"
 #include "render/gl/cells.h"
-
-/* ---- what a draw needs ---- */
-
-#define KEY_MESHES 1u
-#define KEY_BY_LEVEL 2u
-#define KEY_TWO_STEPS 1u
-#define KEY_SPHERICAL 2u
-
-static uint32_t layer_key(uint32_t key, size_t k)
-{
-	return key >> (5 + 2 * k) & 3;
-}
+#include "render/gl/triangles.h"
 
 static uint32_t layers_of(uint32_t key)
 {
-	return key >> 2 & 7;
-}
-
-static uint32_t key_of(const struct bb_draw *draw)
-{
-	uint32_t key = (uint32_t)draw->n_layers << 2 | (draw->n_meshes ? KEY_MESHES : 0) |
-		       (draw->steps_by_level ? KEY_BY_LEVEL : 0);
-
-	for (size_t k = 0; k < draw->n_layers; k++) {
-		const struct bb_atlas *a = draw->layers[k].atlas;
-		key |= ((a->n_shown > 1 ? KEY_TWO_STEPS : 0) | (a->kind == BB_BRICK_SPHERICAL ? KEY_SPHERICAL : 0))
-		       << (5 + 2 * k);
-	}
-	return key;
+	return key >> 3 & 7;
 }
 
 /* ---- text ---- */
@@ -74,18 +50,48 @@ static void add_all(struct text *t, const char *piece, size_t n_layers)
 		add(t, piece, k);
 }
 
+static void add_number(struct text *t, const char *name, uint32_t value)
+{
+	char line[80];
+
+	snprintf(line, sizeof(line), "#define %s %u\n", name, value);
+	add(t, line, 0);
+}
+
 static void add_defines(struct text *t, uint32_t key)
 {
-	char line[160];
-
-	snprintf(line, sizeof(line), "#version 330 core\n#define TABLE %d\n#define LAYERS %u\n#define MESHES %d\n#define BY_LEVEL %d\n",
-		 BB_GL_TABLE_ENTRIES, layers_of(key), (key & KEY_MESHES) != 0, (key & KEY_BY_LEVEL) != 0);
-	add(t, line, 0);
-	for (size_t k = 0; k < layers_of(key); k++) {
-		snprintf(line, sizeof(line), "#define STEPS@ %d\n#define SPHERICAL@ %d\n",
-			 layer_key(key, k) & KEY_TWO_STEPS ? 2 : 1, (layer_key(key, k) & KEY_SPHERICAL) != 0);
-		add(t, line, k);
+	add(t, "#version 330 core\n", 0);
+	add_number(t, "TABLE", BB_GL_TABLE_ENTRIES);
+	add_number(t, "SEEN", BB_GL_SIGN_SEEN);
+	add_number(t, "PARTLY", BB_GL_SIGN_PARTLY);
+	add_number(t, "FLAT", BB_GL_SIGN_FLAT);
+	add_number(t, "FRAGMENTS", BB_MESH_FRAGMENTS_MOST);
+	add_number(t, "TILE", BB_GL_TILE_PIXELS);
+	add_number(t, "LAYERS", layers_of(key));
+	add_number(t, "MESHES", (key & BB_GL_KEY_MESHES) != 0);
+	add_number(t, "BY_LEVEL", (key & BB_GL_KEY_BY_LEVEL) != 0);
+	add_number(t, "TAKES", key & BB_GL_KEY_THREE ? 3 : 1);
+	for (uint32_t k = 0; k < layers_of(key); k++) {
+		char name[16];
+		snprintf(name, sizeof(name), "STEPS%u", k);
+		add_number(t, name, key & BB_GL_KEY_LAYER(k, BB_GL_KEY_TWO_STEPS) ? 2 : 1);
+		snprintf(name, sizeof(name), "SPHERICAL%u", k);
+		add_number(t, name, (key & BB_GL_KEY_LAYER(k, BB_GL_KEY_SPHERICAL)) != 0);
+		snprintf(name, sizeof(name), "FLATS%u", k);
+		add_number(t, name, (key & BB_GL_KEY_LAYER(k, BB_GL_KEY_FLATS)) != 0);
 	}
+}
+
+/* "#define NEAREST min(next0, min(next1, ... FAR))" */
+static void add_least(struct text *t, const char *name, const char *of, size_t n_layers)
+{
+	add(t, "#define ", 0);
+	add(t, name, 0);
+	add(t, " ", 0);
+	add_all(t, of, n_layers);
+	add(t, "FAR", 0);
+	add_all(t, ")", n_layers);
+	add(t, "\n", 0);
 }
 
 static void write_shader(struct text *t, uint32_t key)
@@ -95,7 +101,22 @@ static void write_shader(struct text *t, uint32_t key)
 	add_defines(t, key);
 	add(t, bb_cast_common_glsl, 0);
 	add_all(t, bb_cast_layer_glsl, n);
-	add(t, bb_cast_alone_glsl, 0);
+	if (n == 1 && !(key & BB_GL_KEY_MESHES)) {
+		add(t, bb_cast_alone_glsl, 0);
+		return;
+	}
+	if (key & BB_GL_KEY_MESHES)
+		add(t, bb_cast_meshes_glsl, 0);
+	add_all(t, bb_cast_turn_glsl, n);
+	add_least(t, "NEAREST", "min(next@, ", n);
+	add_least(t, "BEYOND", "min(beyond@, ", n);
+	add(t, bb_cast_merge_glsl, 0);
+	add_all(t, bb_cast_begin_glsl, n);
+	add(t, bb_cast_rounds_glsl, 0);
+	add_all(t, bb_cast_ready_glsl, n);
+	add(t, bb_cast_samples_glsl, 0);
+	add_all(t, bb_cast_turns_glsl, n);
+	add(t, bb_cast_surfaces_glsl, 0);
 }
 
 /* ---- building ---- */
@@ -143,7 +164,9 @@ static void find_uniforms(const struct bb_gl *gl, struct bb_gl_program *p)
 {
 	char name[32];
 
-	p->u_pixel = gl->GetUniformLocation(p->name, "u_pixel");
+#define X(uniform) p->uniform = gl->GetUniformLocation(p->name, #uniform);
+	BB_GL_UNIFORMS(X)
+#undef X
 	for (unsigned k = 0; k < layers_of(p->key); k++) {
 #define X(uniform)                                          \
 	snprintf(name, sizeof(name), #uniform "%u", k);     \
@@ -174,10 +197,9 @@ static enum bb_status build(struct bb_gl_program *p, const struct bb_gl *gl, uin
 	return BB_OK;
 }
 
-enum bb_status bb_gl_program_for(struct bb_gl_programs *p, const struct bb_gl *gl, const struct bb_draw *draw,
+enum bb_status bb_gl_program_for(struct bb_gl_programs *p, const struct bb_gl *gl, uint32_t key,
 				 const struct bb_gl_program **out, struct bb_error *err)
 {
-	const uint32_t key = key_of(draw);
 	struct bb_gl_program *found = NULL, *oldest = &p->program[0];
 
 	for (size_t i = 0; i < BB_GL_PROGRAMS; i++) {
