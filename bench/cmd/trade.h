@@ -9,12 +9,15 @@ int bb_trade_device_run(const struct bb_cli *cli); /* ROOM SCENE --device CLASS 
 int bb_trade_scene_run(const struct bb_cli *cli);  /* SCENE, FILE, or --generate KIND */
 int bb_trade_table_run(const struct bb_cli *cli);  /* --table NAME */
 
-struct bb_renderer;
-/* --draw: "cpu", "osmesa", "egl" or "auto" (the first of these that is there). 1701, 1801. */
-BB_MUST_CHECK enum bb_status bb_trade_renderer(const struct bb_cli *cli, struct bb_renderer **out, struct bb_error *err);
+struct bb_trade;
+struct bb_trade_config;
+/* With config's renderer by --draw: "cpu", "osmesa", "egl", or "auto", the first of these that can draw this data. The
+ * caller destroys config->renderer in any case. 1480, 1701, 1801, and as bb_trade_create. */
+BB_MUST_CHECK enum bb_status bb_trade_begin(const struct bb_cli *cli, struct bb_trade_config *config,
+					    struct bb_trade **out, struct bb_error *err);
 /* --size WxH. 1481. */
-BB_MUST_CHECK enum bb_status bb_trade_size(const struct bb_cli *cli, uint32_t *width_px, uint32_t *height_px,
-					   struct bb_error *err);
+BB_MUST_CHECK enum bb_status bb_trade_size(const struct bb_cli *cli, const char *usual, uint32_t *width_px,
+					   uint32_t *height_px, struct bb_error *err);
 bool bb_trade_whole_numbers(const char *text, char sign, uint32_t *out, int n); /* "320x240" */
 
 /* A line of progress on a terminal, over the last one; "" wipes it. */

@@ -106,6 +106,7 @@ static enum bb_status read_files(struct job *j, struct bb_error *err)
 	j->config.scene = j->scene;
 	j->config.transfer = j->transfer;
 	j->config.eye = (struct bb_vec3){ 0.25, 1.62, 0.5 };
+	j->config.within = (struct bb_vec3){ 0.08, 0.06, 0.24 };
 	j->config.inside = bb_cli_has(j->cli, "inside");
 	return status;
 }
@@ -129,7 +130,7 @@ static enum bb_status read_numbers(struct job *j, struct bb_error *err)
 {
 	const struct bb_cli *cli = j->cli;
 	double frames = 120, pictures = 3, timed = 3;
-	enum bb_status status = bb_trade_size(cli, &j->config.width_px, &j->config.height_px, err);
+	enum bb_status status = bb_trade_size(cli, "320x240", &j->config.width_px, &j->config.height_px, err);
 
 	if (!status)
 		status = bb_cli_number(cli, "frames", 120, 1, 100000, &frames, err);
@@ -278,12 +279,10 @@ int bb_trade_scene_run(const struct bb_cli *cli)
 		status = read_scene(&j, &err);
 	if (!status)
 		status = read_files(&j, &err);
-	if (!status)
-		status = bb_trade_renderer(cli, &j.config.renderer, &err);
 	if (!status && j.shown)
 		bb_trade_say("the pictures everything is compared with");
 	if (!status)
-		status = bb_trade_create(&j.config, &j.trade, &err);
+		status = bb_trade_begin(cli, &j.config, &j.trade, &err);
 	if (!status)
 		status = make_grid(&j, &err);
 	if (!status)

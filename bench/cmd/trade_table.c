@@ -23,7 +23,7 @@ struct table {
 	double scale;
 	char now[48]; /* what is being measured */
 	bool shown, any;
-	json_t *root, *list;
+	json_t *list;
 };
 
 static void progress(void *ctx, size_t done, size_t of)
@@ -62,10 +62,11 @@ static enum bb_status tell(struct table *t, const struct bb_trade *trade, const 
 	json_t *o = bb_gains_json(&t->gains);
 	json_object_set_new(o, "set", json_string(set->name));
 	json_object_set_new(o, "eye", json_string(inside ? "inside" : "outside"));
+	json_object_set_new(o, "reference", json_string(bb_trade_reference(trade)));
 	json_object_set_new(o, "dim", json_pack("[i,i,i]", (int)dim[0], (int)dim[1], (int)dim[2]));
 	json_array_append_new(t->list, o);
 	if (!bb_cli_has(t->cli, "json")) {
-		printf("## %s\n", title);
+		printf("## %s\n\nCompared with %s.\n", title, bb_trade_reference(trade));
 		bb_gains_print(&t->gains, stdout);
 		putchar('\n');
 		fflush(stdout);
@@ -93,9 +94,10 @@ static void prepare(struct table *t, const struct bb_gains_set *set)
 	t->config.n_steps = set->n_steps;
 	t->config.seed = 1;
 	t->config.eye = (struct bb_vec3){ 0.25, 1.55, 0.6 };
+	t->config.within = (struct bb_vec3){ set->within_x, 0.06, 0.24 };
 	t->config.n_frames = BB_GAINS_STEP + 1;
 	t->config.n_drawn = 1;
-	t->config.n_timed = 3;
+	t->config.n_timed = 2;
 	t->config.reference_step = 1;
 	t->config.reference_brick = BRICK;
 }
@@ -110,7 +112,7 @@ static enum bb_status measure(struct table *t, const struct bb_gains_set *set, s
 	if (t->shown)
 		bb_trade_say(t->now);
 	if (!status)
-		status = bb_trade_create(&t->config, &trade, err);
+		status = bb_trade_begin(t->cli, &t->config, &trade, err);
 	for (int inside = 0; inside < 2 && !status; inside++) {
 		snprintf(t->now, sizeof(t->now), "%s %s", set->name, inside ? "inside" : "outside");
 		if (inside)
@@ -152,9 +154,7 @@ int bb_trade_table_run(const struct bb_cli *cli)
 	if (!status)
 		status = bb_cli_number(cli, "scale", 50, 5, 400, &t->scale, &err);
 	if (!status)
-		status = bb_trade_size(cli, &t->config.width_px, &t->config.height_px, &err);
-	if (!status)
-		status = bb_trade_renderer(cli, &t->config.renderer, &err);
+		status = bb_trade_size(cli, "200x150", &t->config.width_px, &t->config.height_px, &err);
 	if (status) {
 		free(t);
 		return bb_cli_fail(status, &err);
@@ -163,8 +163,7 @@ int bb_trade_table_run(const struct bb_cli *cli)
 	t->shown = isatty(STDERR_FILENO) && !bb_cli_has(cli, "quiet");
 	t->list = json_array();
 	status = measure_all(t, &err);
-	json_t *root = json_pack("{s:s, s:s, s:f, s:o}", "kind", "blackburst-trade-gains", "draws",
-				 bb_renderer_description(t->config.renderer), "scale", t->scale, "sets", t->list);
+	json_t *root = json_pack("{s:s, s:f, s:o}", "kind", "blackburst-trade-gains", "scale", t->scale, "sets", t->list);
 	if (status)
 		code = bb_cli_fail(status, &err);
 	if (!status && bb_cli_has(cli, "json"))

@@ -20,12 +20,13 @@ const char *bb_gains_selector_text(enum bb_gains_selector s);
 struct bb_gains_set {
 	const char *name, *kind, *tf;
 	uint32_t dim[3], n_steps;
+	double within_x; /* where along x something is to be seen from inside at that step: parts of the edge from the middle */
 	bool usual; /* of those that are measured when none is named */
 };
 extern const struct bb_gains_set bb_gains_sets[]; /* ends with name NULL */
 
 struct bb_gains_value {
-	double psnr_db, ssim, frame_ms, bricks; /* bricks: read for a step, mean of the last five */
+	double psnr_db, ssim, cpu_ms, bricks; /* processor time of choosing, reading and drawing; bricks: read for a step, mean of the last five */
 };
 
 struct bb_gains { /* of one camera */

@@ -23,7 +23,7 @@ static json_t *value_json(const struct bb_gains_value *v, uint32_t memory, uint3
 {
 	return json_pack("{s:i, s:i, s:o, s:o, s:o, s:o}", "memory_bricks", (int)memory, "stream_bricks", (int)stream,
 			 "psnr_db", real(v->psnr_db), "ssim", real(v->ssim), "bricks_read", real(v->bricks), "frame_ms",
-			 real(v->frame_ms));
+			 real(v->cpu_ms));
 }
 
 static json_t *curve_json(const struct bb_gains *g, const struct bb_gains_value *v, bool stream)
@@ -81,14 +81,14 @@ static void print_curves(const struct bb_gains *g, bool stream, FILE *out)
 	const struct bb_gains_value(*v)[BB_GAINS_BUDGETS_MOST] = stream ? g->stream : g->memory;
 	const int n = stream ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS;
 
-	fprintf(out, "\n%s budget, PSNR dB / SSIM / ms a frame:\n\n| bricks |", stream ? "Streaming" : "Memory");
+	fprintf(out, "\n%s budget, PSNR dB / SSIM / processor ms a frame:\n\n| bricks |", stream ? "Streaming" : "Memory");
 	for (int s = 0; s < n; s++)
 		fprintf(out, " %s |", bb_gains_selector_text((enum bb_gains_selector)s));
 	fprintf(out, "\n| --: |%s\n", n == 3 ? " --: | --: | --: |" : " --: | --: | --: | --: |");
 	for (size_t i = 0; i < g->n; i++) {
 		fprintf(out, "| %u |", g->budget[i]);
 		for (int s = 0; s < n; s++)
-			fprintf(out, " %.2f / %.4f / %.1f |", v[s][i].psnr_db, v[s][i].ssim, v[s][i].frame_ms);
+			fprintf(out, " %.2f / %.4f / %.1f |", v[s][i].psnr_db, v[s][i].ssim, v[s][i].cpu_ms);
 		fputc('\n', out);
 	}
 }
@@ -108,10 +108,10 @@ void bb_gains_print(const struct bb_gains *g, FILE *out)
 
 	print_curves(g, false, out);
 	print_curves(g, true, out);
-	fprintf(out, "\n| point | memory | streaming | frames a second (theirs) | SSIM (theirs) |\n| --: | --: | --: | --: | --: |\n");
+	fprintf(out, "\n| point | memory | streaming | frames a processor second (theirs: a second) | SSIM (theirs) |\n| --: | --: | --: | --: | --: |\n");
 	for (int i = 0; i < 4; i++)
 		fprintf(out, "| %d | %u | %u | %.2f (%.2f) | %.4f (%.4f) |\n", i + 1, g->point_memory[i], g->point_stream[i],
-			1e3 / g->point[i].frame_ms, theirs[i][0], g->point[i].ssim, theirs[i][1]);
+			1e3 / g->point[i].cpu_ms, theirs[i][0], g->point[i].ssim, theirs[i][1]);
 	fputc('\n', out);
 	for (int k = 0; k < 2; k++)
 		for (int s = BB_GAINS_OPACITY; s < (k ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS); s++)
@@ -132,12 +132,12 @@ struct page {
 
 static double value_of(const struct bb_gains_value *v, enum what what)
 {
-	return what == PSNR ? fmin(v->psnr_db, EXACT_DB) : what == SSIM ? v->ssim : v->frame_ms;
+	return what == PSNR ? fmin(v->psnr_db, EXACT_DB) : what == SSIM ? v->ssim : v->cpu_ms;
 }
 
 static void curve(cairo_t *cr, const struct bb_gains *g, bool stream, enum what what, double left, double top)
 {
-	static const char *const y_titles[] = { "PSNR, dB", "SSIM", "frame time, ms" };
+	static const char *const y_titles[] = { "PSNR, dB", "SSIM", "processor time, ms a frame" };
 	const struct bb_gains_value(*v)[BB_GAINS_BUDGETS_MOST] = stream ? g->stream : g->memory;
 	double x[BB_GAINS_BUDGETS_MOST], y[BB_GAINS_SELECTORS][BB_GAINS_BUDGETS_MOST];
 	struct chart_series series[BB_GAINS_SELECTORS] = { 0 };
@@ -164,11 +164,11 @@ static void scatter(cairo_t *cr, const struct bb_gains *g, double left, double t
 
 	for (size_t i = 0; i < g->n_both; i++)
 		for (size_t k = 0; k < g->n_both; k++, n++) {
-			x[n] = 1e3 / g->both[i][k].frame_ms;
+			x[n] = 1e3 / g->both[i][k].cpu_ms;
 			y[n] = g->both[i][k].ssim;
 		}
 	for (int i = 0; i < 4; i++) {
-		px[i] = 1e3 / g->point[i].frame_ms;
+		px[i] = 1e3 / g->point[i].cpu_ms;
 		py[i] = g->point[i].ssim;
 		label[i] = (struct chart_label){ .x = px[i], .y = py[i] };
 		snprintf(label[i].text, sizeof(label[i].text), "%d: %u / %u", i + 1, g->point_memory[i], g->point_stream[i]);
@@ -178,7 +178,7 @@ static void scatter(cairo_t *cr, const struct bb_gains *g, double left, double t
 		{ .colour = pen_ink, .x = px, .y = py, .n = 4, .mark = CHART_RING },
 	};
 	const struct chart c = { .title = "Leaf error, both budgets; ringed: the points of table 5.2, memory / streaming",
-				 .x_title = "frames a second", .y_title = "SSIM", .series = series, .n_series = 2,
+				 .x_title = "frames a second of processor time", .y_title = "SSIM", .series = series, .n_series = 2,
 				 .labels = label, .n_labels = 4 };
 	chart_draw(cr, &c, left, top, 1210, 320);
 }

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "bench/stats.h"
 #include "bench/trade/still.h"
@@ -23,10 +24,37 @@ struct play {
 	const struct bb_bricks *bricks;
 	double squares, n_pixels; /* of all pictures: squared error a channel */
 	unsigned n_judged;
-	double draw_ms[TIMES_MOST], stream_ms[TIMES_MOST], frame_ms[TIMES_MOST];
+	double draw_ms[TIMES_MOST], stream_ms[TIMES_MOST], frame_ms[TIMES_MOST], cpu_ms[TIMES_MOST];
 	size_t n_times;
 	uint64_t bricks_sum, bytes_sum, missing, drawn;
 };
+
+/* Processor time of this process: for people, nothing decides by it. */
+static double cpu_now_ms(void)
+{
+	struct rusage u;
+
+	if (getrusage(RUSAGE_SELF, &u))
+		return BB_UNKNOWN;
+	return (double)(u.ru_utime.tv_sec + u.ru_stime.tv_sec) * 1e3 +
+	       (double)(u.ru_utime.tv_usec + u.ru_stime.tv_usec) * 1e-3;
+}
+
+struct spent { /* selecting and reading, or drawing */
+	double ms, cpu_ms;
+};
+
+static struct spent begin(void)
+{
+	return (struct spent){ (double)bb_clock_stopwatch_ns() * 1e-6, cpu_now_ms() };
+}
+
+static struct spent since(const struct spent *from)
+{
+	const struct spent now = begin();
+
+	return (struct spent){ now.ms - from->ms, now.cpu_ms - from->cpu_ms };
+}
 
 /* ---- pictures ---- */
 
@@ -52,40 +80,41 @@ static void judge(struct play *y, unsigned k)
 	p->luv += q.luv_mean;
 }
 
-static enum bb_status draw(struct play *y, const struct bb_layer *layer, const struct bb_view *view, double *ms,
+static enum bb_status draw(struct play *y, const struct bb_layer *layer, const struct bb_view *view, struct spent *out,
 			   struct bb_error *err)
 {
 	const struct bb_trade_config *c = &y->t->config;
 	const struct bb_draw d = { .view = view, .layers = layer, .n_layers = 1, .step_voxels = y->s->step_voxels };
-	const int64_t from_ns = bb_clock_stopwatch_ns();
+	const struct spent from = begin();
 	const enum bb_status status = bb_renderer_draw(c->renderer, &d, &y->t->image, NULL);
 	const struct bb_error *why = bb_renderer_last_error(c->renderer);
 
-	*ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+	*out = since(&from);
 	if (status)
 		return bb_fail(err, status, 1480, NULL, "%s", why && why->number ? why->text : bb_status_text(status));
 	return BB_OK;
 }
 
-/* Frame i has been selected, which took stream_ms: draws it if it, or one soon after it, is a picture. The first of
+/* Frame i has been selected, which took `streamed`: draws it if it, or one soon after it, is a picture. The first of
  * these brings what is in memory to the renderer and is not timed. */
 static enum bb_status show(struct play *y, unsigned i, const struct bb_layer *layer, const struct bb_view *view,
-			   double stream_ms, struct bb_error *err)
+			   const struct spent *streamed, struct bb_error *err)
 {
 	const struct bb_trade_config *c = &y->t->config;
-	double ms;
+	struct spent drawn;
 
 	for (unsigned k = 0; k < c->n_drawn; k++) {
 		const unsigned at = y->t->drawn[k];
 		if (i > at || i + c->n_timed < at)
 			continue;
-		const enum bb_status status = draw(y, layer, view, &ms, err);
+		const enum bb_status status = draw(y, layer, view, &drawn, err);
 		if (status)
 			return status;
 		if (i + c->n_timed > at && y->n_times < TIMES_MOST) {
-			y->draw_ms[y->n_times] = ms;
-			y->stream_ms[y->n_times] = stream_ms;
-			y->frame_ms[y->n_times++] = ms + stream_ms;
+			y->draw_ms[y->n_times] = drawn.ms;
+			y->stream_ms[y->n_times] = streamed->ms;
+			y->cpu_ms[y->n_times] = drawn.cpu_ms + streamed->cpu_ms;
+			y->frame_ms[y->n_times++] = drawn.ms + streamed->ms;
 		}
 		if (i == at)
 			judge(y, k);
@@ -129,6 +158,7 @@ static void finish(struct play *y)
 	p->draw_high_ms = bb_stats_nearest_rank(y->draw_ms, y->n_times, 0.9);
 	p->stream_ms = median(y->stream_ms, y->n_times);
 	p->frame_ms = median(y->frame_ms, y->n_times);
+	p->cpu_ms = median(y->cpu_ms, y->n_times);
 }
 
 static enum bb_status cannot(struct bb_trade_point *p, const char *why)
@@ -136,7 +166,7 @@ static enum bb_status cannot(struct bb_trade_point *p, const char *why)
 	p->failed = true;
 	snprintf(p->why, sizeof(p->why), "%.180s", why);
 	p->psnr_db = p->psnr_least_db = p->ssim = p->luv = p->frame_ms = p->draw_ms = p->stream_ms = BB_UNKNOWN;
-	p->draw_low_ms = p->draw_high_ms = BB_UNKNOWN;
+	p->draw_low_ms = p->draw_high_ms = p->cpu_ms = BB_UNKNOWN;
 	return BB_OK;
 }
 
@@ -154,14 +184,14 @@ static enum bb_status stream_on(struct play *y, struct bb_stream *stream, struct
 			f.frame.n_ahead = 0;
 			(void)bb_stream_settle(stream, &f.frame);
 		}
-		const int64_t from_ns = bb_clock_stopwatch_ns();
+		const struct spent from = begin();
 		const struct bb_stream_counts n = bb_stream_frame(stream, &f.frame);
-		const double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		const struct spent spent = since(&from);
 		count(y, n.loaded, n.bytes);
 		y->missing += n.missing;
 		y->drawn += n.drawn;
 		const struct bb_layer layer = bb_stream_layer(stream);
-		status = show(y, i, &layer, &f.view, ms, err);
+		status = show(y, i, &layer, &f.view, &spent, err);
 	}
 	y->p->memory_bytes = bb_stream_memory_bytes(stream);
 	y->p->atlas_bricks = bb_stream_atlas(stream)->n_slots;
@@ -287,9 +317,9 @@ static enum bb_status choose_all(struct play *y, struct choices *c, struct bb_er
 						     .space_most = s->tolerance,
 						     .time_most = s->tolerance,
 						     .budget = { bricks_that_fit(y), s->bricks_per_frame } };
-		const int64_t from_ns = bb_clock_stopwatch_ns();
+		const struct spent from = begin();
 		c->n[i] = s->selector->choose(c->tree, &y->t->ratings, &ask, c->heap, c->out);
-		c->ms[i] = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		c->ms[i] = since(&from).cpu_ms;
 		if (!c->n[i])
 			return BB_OK;
 		c->of[i] = malloc(c->n[i] * sizeof(*c->out));
@@ -314,18 +344,21 @@ static enum bb_status still_on(struct play *y, const struct choices *c, struct b
 		struct bb_trade_frame f;
 		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
 		const uint32_t a = (uint32_t)f.frame.step, b = (uint32_t)ceil(f.frame.step);
-		const int64_t from_ns = bb_clock_stopwatch_ns();
+		const struct spent from = begin();
 		status = bb_still_show(still, f.frame.step, (const struct bb_choice *const[]){ c->of[a], c->of[b] },
 				       (const size_t[]){ c->n[a], c->n[b] }, &n, err);
-		double ms = (double)(bb_clock_stopwatch_ns() - from_ns) * 1e-6;
+		struct spent spent = since(&from);
 		if (status)
 			break;
-		ms += a != last ? c->ms[a] : 0; /* the other step was chosen before */
+		if (a != last) { /* the other step was chosen before */
+			spent.ms += c->ms[a];
+			spent.cpu_ms += c->ms[a];
+		}
 		last = a;
 		in_use = n.in_use > in_use ? n.in_use : in_use;
 		count(y, i ? n.bricks : 0, i ? n.bytes : 0); /* the first is bring-up */
 		const struct bb_layer layer = { bb_still_atlas(still), config->transfer, y->t->placement, NULL };
-		status = show(y, i, &layer, &f.view, ms, err);
+		status = show(y, i, &layer, &f.view, &spent, err);
 	}
 	y->p->atlas_bricks = in_use;
 	y->p->memory_bytes = bb_still_bytes(still, in_use);

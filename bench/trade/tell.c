@@ -80,8 +80,8 @@ static void print_row(const struct bb_trade_point *p, FILE *out)
 		fprintf(out, " %s\n", p->why);
 		return;
 	}
-	fprintf(out, "%7.2f %7.4f %6.2f %8.2f %5.2f..%-6.2f %8.2f %7.2f %8.1f %8.1f %6.1f %8.2f  %s%s\n", p->psnr_db, p->ssim,
-		p->luv, p->frame_ms, p->draw_low_ms, p->draw_high_ms, p->stream_ms, (double)p->samples * 1e-6,
+	fprintf(out, "%7.2f %7.4f %6.2f %8.2f %8.2f %6.2f..%-7.2f %8.2f %7.2f %8.1f %8.1f %6.1f %8.2f  %s%s\n", p->psnr_db, p->ssim,
+		p->luv, p->frame_ms, p->cpu_ms, p->draw_low_ms, p->draw_high_ms, p->stream_ms, (double)p->samples * 1e-6,
 		p->bytes_mean / 1024, p->bytes_most / 1024, 100 * p->missing_share, (double)p->memory_bytes / 1048576,
 		p->on_time_front ? "T" : " ", p->on_bytes_front ? "B" : " ");
 }
@@ -123,10 +123,10 @@ void bb_trade_print(const struct bb_trade_told *t, FILE *out)
 {
 	fprintf(out, "%s: %s; %u frames at %d Hz, %u pictures of %u x %u\ncompared with %s\n\n", t->name, t->data, t->n_frames,
 		BB_TRADE_RATE_HZ, t->n_drawn, t->width_px, t->height_px, t->reference);
-	fprintf(out, "%-9s %-58s%7s %7s %6s %8s %-13s %8s %7s %8s %8s %6s %8s\n", "", "", "PSNR", "SSIM", "L*u*v*", "frame",
-		" drawing", "select,", "Msampl.", "streamed", "most", "not", "memory");
-	fprintf(out, "%-9s %-58s%7s %7s %6s %8s %-13s %8s %7s %8s %8s %6s %8s\n", "changed", "setting", "dB", "", "", "ms",
-		" ms, 10-90 %", "read ms", "a frame", "KiB/fr.", "KiB/fr.", "yet %", "MiB");
+	fprintf(out, "%-9s %-58s%7s %7s %6s %8s %8s %-15s %8s %7s %8s %8s %6s %8s\n", "", "", "PSNR", "SSIM", "L*u*v*", "frame",
+		"CPU", "  drawing", "select,", "Msampl.", "streamed", "most", "not", "memory");
+	fprintf(out, "%-9s %-58s%7s %7s %6s %8s %8s %-15s %8s %7s %8s %8s %6s %8s\n", "changed", "setting", "dB", "", "", "ms",
+		"ms", "  ms, 10-90 %", "read ms", "a frame", "KiB/fr.", "KiB/fr.", "yet %", "MiB");
 	for (size_t i = 0; i < t->n; i++)
 		print_row(&t->point[i], out);
 	fprintf(out, "\nT, B: no other setting has as many dB for less time, for fewer bytes\n");
@@ -170,7 +170,7 @@ static json_t *point_json(const struct bb_trade_point *p)
 			  p->missing_share, "memory_bytes", (json_int_t)p->memory_bytes, "atlas_bricks",
 			  (json_int_t)p->atlas_bricks));
 	json_object_set_new(o, "measured_ms",
-			    json_pack("{s:o, s:o, s:o, s:o, s:o}", "frame", real(p->frame_ms), "draw", real(p->draw_ms),
+			    json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "cpu", real(p->cpu_ms), "frame", real(p->frame_ms), "draw", real(p->draw_ms),
 				      "draw_10", real(p->draw_low_ms), "draw_90", real(p->draw_high_ms), "stream",
 				      real(p->stream_ms)));
 	json_object_set_new(o, "front_of_time", json_boolean(p->on_time_front));
@@ -223,7 +223,7 @@ enum bb_status bb_trade_csv(const struct bb_trade_told *t, const char *path, str
 	if (status)
 		return status;
 	fputs("changed,selector,memory_mib,bricks_per_frame,tolerance,step_voxels,brick,type,psnr_db,psnr_least_db,ssim,luv,"
-	      "frame_ms,draw_ms,draw_10_ms,draw_90_ms,stream_ms,samples,bytes_a_frame,bytes_most,missing_share,memory_bytes,"
+	      "frame_ms,cpu_ms,draw_ms,draw_10_ms,draw_90_ms,stream_ms,samples,bytes_a_frame,bytes_most,missing_share,memory_bytes,"
 	      "front_of_time,front_of_bytes\n",
 	      f.out);
 	for (size_t i = 0; i < t->n; i++) {
@@ -235,7 +235,7 @@ enum bb_status bb_trade_csv(const struct bb_trade_told *t, const char *path, str
 			fprintf(f.out, "%.6g", s->tolerance);
 		fprintf(f.out, ",%.6g,%u,%s", s->step_voxels, s->brick, bb_brick_type_text(s->type));
 		const double numbers[] = { p->psnr_db,     p->psnr_least_db, p->ssim,        p->luv,
-					   p->frame_ms,    p->draw_ms,       p->draw_low_ms, p->draw_high_ms,
+					   p->frame_ms,    p->cpu_ms,        p->draw_ms,       p->draw_low_ms, p->draw_high_ms,
 					   p->stream_ms,   (double)p->samples, p->bytes_mean, p->bytes_most,
 					   p->missing_share, (double)p->memory_bytes };
 		for (size_t k = 0; k < BB_ARRAY_LEN(numbers); k++)

@@ -142,7 +142,7 @@ void bb_trade_frame_at(const struct bb_trade *t, unsigned i, double step_voxels,
 	struct bb_vec3 eye = c->eye;
 
 	if (c->inside)
-		eye = bb_pose_apply(&t->placement.pose, (struct bb_vec3){ 0.08 * size.x, 0.06 * size.y, 0.24 * size.z });
+		eye = bb_pose_apply(&t->placement.pose, (struct bb_vec3){ c->within.x * size.x, c->within.y * size.y, c->within.z * size.z });
 	else if (c->head)
 		eye = bb_path_at(c->head, (int64_t)(t_s * 1e9)).p;
 	out->view = bb_view_make(&wall, eye, eye, NEAR_M, FAR_M);

@@ -51,6 +51,7 @@ struct bb_trade_point {
 	uint64_t memory_bytes, atlas_bricks;
 	/* measured, ms: medians; spread from the 10th to the 90th percentile */
 	double draw_ms, draw_low_ms, draw_high_ms, stream_ms, frame_ms;
+	double cpu_ms; /* of a frame, all threads: what stays the same on a busy machine */
 	bool on_time_front, on_bytes_front;
 };
 
@@ -61,7 +62,8 @@ struct bb_trade_config {
 	const struct bb_transfer *transfer;
 	struct bb_path *head;           /* NULL: the eye stands at `eye` */
 	struct bb_vec3 eye;
-	bool inside;                    /* the eye in the middle of the volume, whatever the path says */
+	bool inside;                    /* the eye inside the volume, whatever the path says: */
+	struct bb_vec3 within;          /* parts of the edges from its middle */
 	uint32_t width_px, height_px;
 	unsigned n_frames, n_drawn, n_timed;
 	bool settled; /* pictures are drawn when all that was selected has been read, at rest: what a selection is worth */
