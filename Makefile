@@ -121,7 +121,8 @@ $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburs
 
 # Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
-FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c,$(SRC))
+FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
+            tree.c stats.c values.c crc32c.c),$(SRC))
 FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
             drivers/monitor_ddc.c sim/peer_shutter.c
 fuzz: fuzz-build
@@ -173,6 +174,12 @@ lint:
 
 bench: all
 	build/blackburst bench --out build/bench.json
+	@$(MAKE) --no-print-directory bench-volume
+
+# Minutes, and GIB x 3.2 of disk (GIB=0: without the large one); no room on the disk is said and is no failure.
+GIB ?= 16
+bench-volume: all
+	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
@@ -208,6 +215,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

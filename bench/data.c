@@ -8,7 +8,6 @@
 
 #include "render/bricks/build.h"
 
-#define EDGE 16
 #define MEMORY_BYTES (UINT64_C(512) << 20)
 
 bool bb_data_is_bricks(const struct bb_scene *scene)
@@ -72,7 +71,7 @@ enum bb_status bb_data_open(const struct bb_scene *scene, struct bb_bricks **out
 		return status;
 	status = bb_data_steps(scene, dir, &steps, err);
 	if (!status) {
-		status = bb_data_build(steps, EDGE, BB_BRICK_U16, dir, out, err);
+		status = bb_data_build(steps, (uint32_t)scene->data.brick_voxels, (enum bb_brick_type)scene->data.values, dir, out, err);
 		bb_steps_close(steps);
 	}
 	rmdir(dir);

@@ -1,6 +1,6 @@
 /*
  * bench/data.h: the data of a scene as a brick file. A file of bricks is opened as it is; anything else, a NIfTI or raw
- * file or a generated sequence, becomes bricks of 16^3 voxels of 16 bits first, in a file that has no name any more when
+ * file or a generated sequence, becomes bricks as the scene says first, in a file that has no name any more when
  * this returns and goes when it is closed.
  */
 #ifndef BB_BENCH_DATA_H

@@ -49,6 +49,10 @@ for codec in lz4 zstd; do
 	check "$codec verifies" "$program" volume verify "$work/$codec.bricks"
 	check "$codec is smaller" [ "$(stat -c %s "$work/$codec.bricks")" -lt "$(($(stat -c %s "$work/a.bricks") / 2))" ]
 done
+"$program" volume speed "$work/a.bricks" --mib 4 --rounds 3 --depth 2 --json >"$work/speed.json"
+check "its speed is told, beside memcpy" [ "$(field "$work/speed.json" \
+	'min(r["ratio"] for r in r["rows"]) > 0, [x["against"] for x in r["rows"]].count("memcpy") >= 8')" = "(True, True)" ]
+check "and of packed bricks" "$program" volume speed "$work/lz4.bricks" --mib 4 --rounds 1 --threads 1 --depth 1
 printf 'x' | dd of="$work/a.bricks" bs=1 seek=5000 conv=notrunc 2>/dev/null
 check "a damaged brick is named" damaged
 head -c 100000 "$work/lz4.bricks" >"$work/short.bricks"

@@ -42,9 +42,8 @@ struct choosing {
 	struct bb_choice *heap, *out;
 };
 
-static void begin(struct choosing *c, uint32_t nx, uint32_t ny, uint32_t nz, uint32_t steps, uint32_t edge)
+static void open_rig(struct choosing *c)
 {
-	rig_begin(&c->rig, nx, ny, nz, steps, edge);
 	c->b = rig_build(&c->rig);
 	c->t = &bb_bricks_header(c->b)->tree;
 	c->space = malloc(c->t->n_bricks * 4);
@@ -53,6 +52,12 @@ static void begin(struct choosing *c, uint32_t nx, uint32_t ny, uint32_t nz, uin
 	c->heap = malloc(bb_choose_most(c->t) * sizeof(*c->heap));
 	c->out = malloc(bb_choose_most(c->t) * sizeof(*c->out));
 	assert_true(c->space && c->time && c->work && c->heap && c->out);
+}
+
+static void begin(struct choosing *c, uint32_t nx, uint32_t ny, uint32_t nz, uint32_t steps, uint32_t edge)
+{
+	rig_begin(&c->rig, nx, ny, nz, steps, edge);
+	open_rig(c);
 }
 
 static void end(struct choosing *c)
@@ -103,7 +108,8 @@ static void budgets_are_kept_by_every_method(void **state)
 		}
 		for (uint32_t memory = 1; memory < 400; memory += 13)
 			for (double stream = 0; stream < 60; stream += 7.3) {
-				const struct bb_choose_budget budget = { memory, stream };
+				const struct bb_choose_budget budget = { .memory_bricks = memory,
+									 .stream_bricks = stream };
 				const size_t n =
 					bb_choose_by_budget(c.t, c.space, c.time, memory % 5, &budget, c.heap, c.out);
 				assert_true(n >= 1 && n <= memory);
@@ -116,7 +122,7 @@ static void budgets_are_kept_by_every_method(void **state)
 
 static void without_limits_all_that_gains_is_split(void **state)
 {
-	const struct bb_choose_budget budget = { UINT32_MAX, 0 };
+	const struct bb_choose_budget budget = { .memory_bricks = UINT32_MAX };
 	struct choosing c;
 	(void)state;
 
@@ -128,6 +134,109 @@ static void without_limits_all_that_gains_is_split(void **state)
 		assert_true(!(c.space[id] > 0) && !(c.time[id] > 0));
 	}
 	covers(c.t, c.out, n, 1);
+	end(&c);
+}
+
+static double left_with(struct choosing *c, enum bb_gain_method method, double stream)
+{
+	const struct bb_choose_budget budget = { .memory_bricks = UINT32_MAX, .stream_bricks = stream };
+	double sum = 0;
+
+	rate(c, method);
+	const size_t n = bb_choose_by_budget(c->t, c->space, c->time, 1, &budget, c->heap, c->out);
+	covers(c->t, c->out, n, 1);
+	for (size_t i = 0; i < n; i++)
+		sum += (double)c->work[(uint64_t)c->out[i].tau * c->t->n_nodes + c->out[i].node];
+	return sum / (double)c->work[0];
+}
+
+/* One of eight voxels is bright or dark, in turn: the level above the data is wrong everywhere, the one above that,
+ * which is grey again, in these voxels only. */
+static void far_error_does_not_stop_half_way(void **state)
+{
+	struct choosing c;
+	(void)state;
+
+	rig_begin(&c.rig, 32, 32, 32, 3, 8);
+	for (size_t i = 0; i < rig_voxels(&c.rig) * 3; i++) {
+		const size_t x = i % 32, y = i / 32 % 32, z = i / 1024 % 32;
+		const bool odd = x & y & z & 1, bright = (x / 2 ^ y / 2 ^ z / 2) & 1;
+		c.rig.voxels[i] = odd ? (bright ? 1.f : 0.f) : 0.5f;
+	}
+	rig_write(&c.rig);
+	open_rig(&c);
+	assert_true(left_with(&c, BB_GAIN_LEAF, 0) > 0.99); /* or the test shows nothing */
+	for (double stream = 0; stream < 2000; stream += 1000)
+		assert_true(left_with(&c, BB_GAIN_FAR, stream) <= 0);
+	end(&c);
+}
+
+/* What far error says of a brick is the best of all depths, added up here the slow way. */
+static double best_depth(const struct choosing *c, uint32_t tau, uint32_t node, uint32_t depth, double *bricks)
+{
+	uint32_t child[8];
+	const uint32_t n = bb_tree_children(c->t, node, child);
+	double sum = 0, many = 0;
+
+	if (!depth) {
+		*bricks = 1;
+		return (double)c->work[(uint64_t)tau * c->t->n_nodes + node];
+	}
+	for (uint32_t i = 0; i < n; i++) {
+		double here;
+		sum += best_depth(c, tau, child[i], depth - 1, &here);
+		many += here;
+	}
+	*bricks = many;
+	return sum;
+}
+
+static void far_points_are_the_best_of_all_depths(void **state)
+{
+	struct choosing c;
+	(void)state;
+
+	begin(&c, 37, 30, 21, 5, 4);
+	rate(&c, BB_GAIN_FAR);
+	for (uint64_t id = 0; id < c.t->n_bricks; id++) {
+		const uint32_t node = (uint32_t)(id % c.t->n_nodes), tau = (uint32_t)(id / c.t->n_nodes);
+		const uint32_t levels = c.t->n_levels - 1 - bb_tree_place(c.t, node).level;
+		double best = levels ? 0 : -1, bricks;
+		for (uint32_t depth = 1; depth <= levels; depth++) {
+			const double left = best_depth(&c, tau, node, depth, &bricks);
+			best = bricks > 1 ? fmax(best, ((double)c.work[id] - left) / bricks) : best;
+		}
+		assert_true(fabs((double)c.space[id] - best) <= 1e-5 * fmax(fabs(best), (double)c.work[id] * 1e-2));
+	}
+	end(&c);
+}
+
+/* Half of the volume weighs nothing: not a brick more is spent on it than what it takes to reach the other. */
+static void weights_say_where_bricks_go(void **state)
+{
+	struct choosing c;
+	size_t n[2] = { 0 };
+	(void)state;
+
+	begin(&c, 64, 64, 64, 3, 8);
+	rate(&c, BB_GAIN_FAR);
+	float *weight = calloc(c.t->n_nodes, sizeof(*weight));
+	assert_non_null(weight);
+	for (uint32_t node = 0; node < c.t->n_nodes; node++) {
+		const struct bb_tree_place p = bb_tree_place(c.t, node);
+		weight[node] = 2 * p.at[0] < c.t->grid[p.level][0]; /* the left half, and what reaches into it */
+	}
+	for (int weighted = 0; weighted < 2; weighted++) {
+		const struct bb_choose_budget budget = { .memory_bricks = 200, .weight = weighted ? weight : NULL };
+		const size_t all = bb_choose_by_budget(c.t, c.space, c.time, 1, &budget, c.heap, c.out);
+		covers(c.t, c.out, all, 1);
+		for (size_t i = 0; i < all; i++)
+			n[weighted] += !(weight[c.out[i].node] > 0);
+	}
+	print_message("of 200 bricks %zu, then %zu on the half that weighs nothing\n", n[0], n[1]);
+	assert_true(n[0] > 20);
+	assert_int_equal(n[1], 4);
+	free(weight);
 	end(&c);
 }
 
@@ -242,7 +351,7 @@ static size_t choose_in_ratio(struct choosing *c, const struct bb_selector *s, c
 static double least_within(struct choosing *c, const struct bb_selector *s, const struct bb_ratings *r,
 			   const float *cost, uint32_t memory)
 {
-	const struct bb_selector_ask ask = { .step = 1, .budget = { memory, 0 } };
+	const struct bb_selector_ask ask = { .step = 1, .budget.memory_bricks = memory };
 	double least = (double)INFINITY;
 
 	for (int k = -8; k <= (s->by_tolerance ? 8 : -8); k++) {
@@ -328,6 +437,9 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(budgets_are_kept_by_every_method),
 		cmocka_unit_test(without_limits_all_that_gains_is_split),
+		cmocka_unit_test(far_error_does_not_stop_half_way),
+		cmocka_unit_test(far_points_are_the_best_of_all_depths),
+		cmocka_unit_test(weights_say_where_bricks_go),
 		cmocka_unit_test(tolerance_is_a_dial),
 		cmocka_unit_test(uniform_takes_the_finest_level_that_fits),
 		cmocka_unit_test(the_optimum_is_the_best_of_all),

@@ -321,6 +321,34 @@ static void written_and_read_again(void **state)
 	assert_int_equal(rmdir(dir), 0); /* a stop leaves nothing */
 }
 
+/* One sequence has one grid. */
+static void files_of_two_grids_are_refused(void **state)
+{
+	char dir[] = "/tmp/bb-generate-XXXXXX", command[64], path[2][64];
+	const uint32_t dim[3] = { 6, 5, 4 };
+	struct bb_error err = { 0 };
+	(void)state;
+
+	assert_non_null(mkdtemp(dir));
+	for (int i = 0; i < 2; i++) {
+		struct bb_steps *s;
+		snprintf(path[i], sizeof(path[i]), "%s/%d.hdr.txt", dir, i);
+		assert_int_equal(bb_steps_generate(i ? "enlil" : "cme", dim, 1, &s, &err), BB_OK);
+		assert_int_equal(bb_steps_write(s, path[i], 1, NULL, NULL, &err), BB_OK);
+		bb_steps_close(s);
+	}
+	for (int i = 0; i < 2; i++) {
+		const char *const paths[] = { path[i], path[1 - i] };
+		struct bb_steps *s = NULL;
+		err = (struct bb_error){ 0 };
+		assert_int_equal(bb_steps_open(paths, 2, dir, &s, &err), BB_ERR_FORMAT);
+		assert_int_equal(err.number, 1446);
+		assert_null(s);
+	}
+	snprintf(command, sizeof(command), "rm -r %s", dir);
+	assert_int_equal(system(command), 0);
+}
+
 static void nonsense_is_refused(void **state)
 {
 	static const struct {
@@ -351,6 +379,7 @@ int main(void)
 		cmocka_unit_test(a_front_runs_through_constant_gas),
 		cmocka_unit_test(transfer_functions_are_sparse_and_filled),
 		cmocka_unit_test(written_and_read_again),
+		cmocka_unit_test(files_of_two_grids_are_refused),
 		cmocka_unit_test(nonsense_is_refused),
 	};
 

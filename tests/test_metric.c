@@ -1,6 +1,7 @@
 /* tests/test_metric.c: colour metrics: the table against the equations, those against every voxel, and the order. */
 #include "render/bricks/choose.h"
 #include "render/bricks/metric.h"
+#include "render/bricks/metric_quick.h"
 #include "render/bricks/values.h"
 #include "tests/brick_rig.h"
 
@@ -405,6 +406,22 @@ static void colours_do_not_mind_a_shift(void **state)
 	forget(&other);
 }
 
+static void quick_functions_are_libm_to_six_digits(void **state)
+{
+	double log_worst = 0, exp_worst = 0;
+	(void)state;
+
+	for (double x = 1e-6; x < 1e6; x *= 1.0003)
+		log_worst = fmax(log_worst, fabs((double)bb_quick_log2((float)x) - log2((double)(float)x)));
+	for (double x = 1e-9; x < 80; x = x * 1.0007 + 1e-12) {
+		const double want = expm1((double)(float)x);
+		exp_worst = fmax(exp_worst, fabs((double)bb_quick_expm1((float)x) - want) / want);
+	}
+	print_message("log2 at most %.1e off, expm1 %.1e of itself\n", log_worst, exp_worst);
+	assert_true(log_worst < 3e-6 && exp_worst < 1.2e-5); /* of a large power its float exponent is the limit */
+	assert_true(bb_quick_expm1(0) <= 0 && bb_quick_log2(1) <= 0 && bb_quick_log2(1) >= 0);
+}
+
 static void the_order_is_from_the_largest_down(void **state)
 {
 	enum { N = 50000 };
@@ -434,6 +451,7 @@ int main(void)
 		cmocka_unit_test(scalar_metrics_at_their_edges),
 		cmocka_unit_test(a_tolerance_means_the_same_in_every_unit),
 		cmocka_unit_test(colours_do_not_mind_a_shift),
+		cmocka_unit_test(quick_functions_are_libm_to_six_digits),
 		cmocka_unit_test(the_order_is_from_the_largest_down),
 	};
 

@@ -202,6 +202,7 @@ static void wander_on(struct wander *w)
 	for (int i = 0; i < 4; i++)
 		ahead[i] = w->step + (i + 1) * (w->speed > 0 ? 1 : -1);
 	f.step = w->step;
+	f.way = w->speed > 0 ? 1 : w->speed < 0 ? -1 : 0;
 	f.n_views = dice(3);
 	f.ahead = ahead;
 	f.n_ahead = dice(5);
@@ -306,6 +307,61 @@ static void what_nobody_sees_stays_coarse(void **ctx)
 	bb_stream_destroy(s);
 }
 
+/* ---- what is hidden ---- */
+
+/* Noise all the way through, opaque: only what lies in front can be seen. */
+static double quality(const struct bb_bricks *b, const struct bb_volume *v, bool occlusion)
+{
+	static const struct bb_transfer_point dense[] = { { 0, 0.1, 0.2, 0.9, 0.3 }, { 0.5, 0.9, 0.5, 0.1, 0.5 }, { 1, 1, 1, 1, 0.9 } };
+	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(dense), dense);
+	struct bb_stream_config config = { .bricks = b,
+					   .transfer = &tf,
+					   .placement = drawing_placement(v),
+					   .memory_bytes = 500 * 1024,
+					   .bricks_per_frame = 32,
+					   .gain = BB_GAIN_FAR,
+					   .occlusion = occlusion };
+	const struct bb_view view = drawing_view(0);
+	const struct bb_stream_frame f = frame_at(&view, 0);
+	struct bb_image_difference d;
+	struct bb_renderer *cpu;
+	struct bb_stream *s[2];
+	struct bb_image image[2];
+	struct bb_error err;
+
+	assert_int_equal(bb_renderer_cpu_create("auto", 1, &cpu, &err), BB_OK);
+	for (int i = 0; i < 2; i++) {
+		assert_int_equal(bb_stream_create(&config, &s[i], &err), BB_OK);
+		for (int k = 0; k < 120; k++)
+			(void)bb_stream_frame(s[i], &f);
+		const struct bb_layer layer = bb_stream_layer(s[i]);
+		image[i] = drawing_picture(cpu, &layer, 1, 0, 0.5, NULL);
+		bb_renderer_forget(cpu);
+		config.memory_bytes = 0;
+	}
+	assert_int_equal(bb_image_compare(&image[0], &image[1], &d), BB_OK);
+	for (int i = 0; i < 2; i++) {
+		bb_image_release(&image[i]);
+		bb_stream_destroy(s[i]);
+	}
+	bb_renderer_destroy(cpu);
+	return d.psnr_db;
+}
+
+static void what_is_hidden_makes_room(void **ctx)
+{
+	uint32_t state = 3;
+	struct bb_volume *v = drawing_noise((uint32_t[]){ 64, 64, 64 }, 1, &state);
+	struct bb_bricks *b = cover_bricks(v, 8, 1, BB_BRICK_U16);
+
+	(void)ctx;
+	const double without = quality(b, v, false), with = quality(b, v, true);
+	printf("an opaque volume of noise, a tenth of it in memory: %.1f dB, with occlusion %.1f dB\n", without, with);
+	assert_true(with > without + 1);
+	bb_bricks_close(b);
+	drawing_free(v);
+}
+
 /* ---- playing ---- */
 
 struct played {
@@ -325,6 +381,7 @@ static struct played play(struct bb_stream *s, const struct bb_view *view, uint3
 		double ahead[4];
 		for (uint32_t k = 0; k < 4; k++)
 			ahead[k] = (double)((i + (k + 1) * frames_per_step) % round) / frames_per_step;
+		f.way = 1;
 		f.ahead = ahead;
 		f.n_ahead = 4;
 		f.ahead_frames = frames_per_step;
@@ -385,7 +442,7 @@ static void playing_is_steady(void **ctx)
 		       p[i].mean, p[i].most, p[i].most / p[i].mean, 100.0 * (double)p[i].missing / (double)p[i].drawn);
 		bb_stream_destroy(s);
 	}
-	assert_true(p[0].most <= 3 * p[0].mean && p[0].missing * 100 < 2 * p[0].drawn);
+	assert_true(p[0].most <= 2 * p[0].mean && p[0].missing * 100 < 2 * p[0].drawn);
 	assert_true(p[1].most <= 2 * p[1].mean && p[1].missing * 100 < p[1].drawn);
 	assert_true(p[2].missing > 5 * p[1].missing && p[3].most > 20 * p[3].mean);
 	bb_bricks_close(b);
@@ -407,6 +464,7 @@ static struct bb_stream_counts at_frame(struct bb_stream *s, const struct bb_vie
 		const uint32_t then = (i + (k + 1) * 30) % (2 * round);
 		ahead[k] = (then <= round ? then : 2 * round - then) / 30.0;
 	}
+	f.way = turn < round ? 1 : -1;
 	f.ahead = ahead;
 	f.n_ahead = 4;
 	f.ahead_frames = 30;
@@ -573,6 +631,7 @@ int main(void)
 		cmocka_unit_test(it_grows_sharp_and_then_rests),
 		cmocka_unit_test(without_a_budget_everything_is_sharp),
 		cmocka_unit_test(what_nobody_sees_stays_coarse),
+		cmocka_unit_test(what_is_hidden_makes_room),
 		cmocka_unit_test(playing_is_steady),
 		cmocka_unit_test(a_disk_may_stall_for_half_a_minute),
 		cmocka_unit_test(a_thread_reads_and_may_be_held),

@@ -51,6 +51,10 @@ static enum bb_status plain_scene(struct job *j, const char *file, struct bb_err
 	s->data.width_m = 1.2;
 	s->data.centre_m = (struct bb_vec3){ 0, 1.4, -0.8 };
 	s->data.step_voxels = 1;
+	s->data.brick_voxels = 16;
+	s->data.values = BB_BRICK_U16;
+	s->data.gain = BB_GAIN_LEAF;
+	s->data.predict = true;
 	const char *slash = strrchr(file, '/');
 	bb_text_clean(s->name, sizeof(s->name), slash ? slash + 1 : file);
 	j->scene = s;

@@ -46,11 +46,15 @@ static enum bb_status read_shape(const struct bb_cli *cli, uint32_t dim[3], uint
 {
 	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	const char *text = bb_cli_get(cli, "dim", "128x128x128");
-	double steps = 0, seeded = 0, many = 0;
-	int end = 0;
+	double voxels[3], steps = 0, seeded = 0, many = 0;
+	bool sane = bb_cli_numbers(text, 'x', voxels, 3);
 
-	if (sscanf(text, "%5ux%5ux%5u%n", &dim[0], &dim[1], &dim[2], &end) != 3 || text[end])
+	for (int a = 0; a < 3 && sane; a++)
+		sane = voxels[a] >= 1 && voxels[a] <= 1 << 16;
+	if (!sane)
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--dim cannot be '%.60s'", text);
+	for (int a = 0; a < 3; a++)
+		dim[a] = (uint32_t)voxels[a];
 	enum bb_status status = bb_cli_number(cli, "steps", 8, 1, 1 << 16, &steps, err);
 	if (!status)
 		status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seeded, err);

@@ -9,7 +9,7 @@
 #include "bench/volume/tables.h"
 
 static const struct bb_cli_option options[] = {
-	{ "set", "NAME", "one data set: small-delta, large-delta, f18 or shock" },
+	{ "set", "NAME", "one data set: small-delta, large-delta, f18, shock or enlil (edits only)" },
 	{ "part", "edits|shares|budgets", "one kind of table" },
 	{ "scale", "PERCENT", "of the voxels along each axis and of the steps (default 100)" },
 	{ "brick", "N", "voxels along a brick's edge (default 32, for budgets 16)" },
@@ -49,14 +49,17 @@ static bool wanted(const struct job *j, const char *option, const char *name)
 	return !strcmp(bb_cli_get(j->cli, option, name), name);
 }
 
-static double brick_of(const struct job *j, const struct part *p)
+/* 0: there is no such table of this set, or nobody wants it. */
+static double brick_of(const struct job *j, const struct bb_tables_set *set, const struct part *p)
 {
-	return j->brick > 0 ? j->brick : p->brick;
+	if (!wanted(j, "part", p->name) || (set->brick && p != parts))
+		return 0;
+	return j->brick > 0 ? j->brick : set->brick ? set->brick : p->brick;
 }
 
 /* All parts of one brick size, under one transfer function. */
-static enum bb_status measure(const struct job *j, const struct bb_transfer *tf, double brick, json_t *out,
-			      struct bb_error *err)
+static enum bb_status measure(const struct job *j, const struct bb_tables_set *set, const struct bb_transfer *tf,
+			      double brick, json_t *out, struct bb_error *err)
 {
 	struct bb_tables t;
 	enum bb_status status = bb_tables_begin(&t, j->path, tf, j->clk, err);
@@ -64,7 +67,7 @@ static enum bb_status measure(const struct job *j, const struct bb_transfer *tf,
 	t.progress = isatty(STDERR_FILENO) ? say : NULL;
 	for (size_t i = 0; i < BB_ARRAY_LEN(parts) && !status; i++) {
 		json_t *made = NULL;
-		if (!wanted(j, "part", parts[i].name) || fabs(brick_of(j, &parts[i]) - brick) > 0)
+		if (fabs(brick_of(j, set, &parts[i]) - brick) > 0)
 			continue;
 		status = parts[i].measure(&t, &made, err);
 		if (!status)
@@ -86,35 +89,40 @@ static enum bb_status measure_set(struct job *j, const struct bb_tables_set *set
 		bb_text_format(path, sizeof(path), "scenes/%s-%s.tf", set->tf, transfers[i]);
 		status = bb_transfer_load(path, &tf, err);
 		if (!status)
-			status = measure(j, &tf, brick, out, err);
+			status = measure(j, set, &tf, brick, out, err);
 		json_array_append_new(j->sets, out);
 	}
 	unlink(j->path);
 	return status;
 }
 
-static bool any_part(const struct job *j, double brick)
+/* One file for all parts of a size of bricks. */
+static enum bb_status measure_sizes(struct job *j, const struct bb_tables_set *set, bool *any, struct bb_error *err)
 {
-	for (size_t i = 0; i < BB_ARRAY_LEN(parts); i++)
-		if (wanted(j, "part", parts[i].name) && !(fabs(brick_of(j, &parts[i]) - brick) > 0))
-			return true;
-	return false;
+	double before = 0;
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(parts); i++) {
+		const double brick = brick_of(j, set, &parts[i]);
+		if (!(brick > 0) || !(fabs(brick - before) > 0))
+			continue;
+		before = brick;
+		*any = true;
+		const enum bb_status status = measure_set(j, set, brick, err);
+		if (status)
+			return status;
+	}
+	return BB_OK;
 }
 
 static enum bb_status measure_all(struct job *j, struct bb_error *err)
 {
-	const double bricks[2] = { brick_of(j, &parts[0]), brick_of(j, &parts[2]) };
 	bool any = false;
 
-	for (int k = 0; k < (bricks[1] < bricks[0] ? 2 : 1); k++)
-		for (const struct bb_tables_set *set = bb_tables_sets; set->name; set++) {
-			if (!wanted(j, "set", set->name) || !any_part(j, bricks[k]))
-				continue;
-			any = true;
-			const enum bb_status status = measure_set(j, set, bricks[k], err);
-			if (status)
-				return status;
-		}
+	for (const struct bb_tables_set *set = bb_tables_sets; set->name; set++) {
+		const enum bb_status status = wanted(j, "set", set->name) ? measure_sizes(j, set, &any, err) : BB_OK;
+		if (status)
+			return status;
+	}
 	return any ? BB_OK
 		   : bb_fail(err, BB_ERR_USAGE, 1460, NULL, "set '%.40s', part '%.40s'",
 			     bb_cli_get(j->cli, "set", "any"), bb_cli_get(j->cli, "part", "any"));

@@ -94,6 +94,8 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
 	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
 	l->steps = bb_loop_steps_at(l->scene, n_steps, t_s);
+	const double soon = bb_loop_steps_at(l->scene, n_steps, t_s + 1e-3 * l->scene->data.seconds_per_step);
+	l->way = soon > l->steps ? 1 : soon < l->steps ? -1 : 0;
 	for (int i = 0; i < BB_AHEAD; i++)
 		l->ahead[i] = bb_loop_steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
 	f->photon_ns = planned_photon_ns(l, now_ns);
@@ -118,7 +120,8 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 		                      .photon_ns = f->photon_ns,
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
-		                      .steps = l->steps };
+		                      .steps = l->steps,
+		                      .way = l->way };
 	memcpy(m.ahead, l->ahead, sizeof(m.ahead));
 	(void)scheduled_ns;
 

@@ -110,6 +110,7 @@ struct bb_frame_loop {
 	bool picture_frame;               /* this frame's pictures are wanted */
 	struct bb_image canvas;           /* posix: drawn into, grown to the largest screen at creation */
 
+	struct bb_pose start;             /* of the eyes, when the scene begins */
 	struct bb_rate frame_rate;        /* of the loop: refresh, or half of it when frame-sequential */
 	int64_t frame_ns, refresh_ns;     /* a frame may be two refreshes long */
 	unsigned n_eyes;
@@ -124,6 +125,7 @@ struct bb_frame_loop {
 	uint64_t closed;                  /* frames below this are closed */
 	struct bb_pose navigation;        /* room to world */
 	double steps, ahead[BB_AHEAD];    /* time in the data: now, and in so many times seconds_per_step */
+	int32_t way;                      /* it goes on, back, or stands still */
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
@@ -162,6 +164,7 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
+	int32_t way, none;
 };
 
 /* Between the loop's files. */

@@ -57,7 +57,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 	const double step_ns = l->scene->data.seconds_per_step * 1e9;
 	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
 		                               .height_px = (uint32_t)d->height_px, .step = m->steps,
-		                               .step_voxels = l->scene->data.step_voxels, .ahead = m->ahead,
+		                               .step_voxels = l->scene->data.step_voxels, .way = m->way, .ahead = m->ahead,
 		                               .n_ahead = BB_AHEAD,
 		                               .ahead_frames = (uint32_t)(step_ns / (double)l->frame_ns) + 1,
 		                               .bricks_most = bricks_in_time(n), .now_ns = bb_clock_now_ns(l->clk) };
@@ -125,11 +125,10 @@ static void draw_all(struct bb_node_machine *n)
 	}
 }
 
-/* What can be seen from the middle of the room when the scene begins is read during bring-up. */
+/* What can be seen from where the viewer stands when the scene begins is read during bring-up. */
 void bb_node_fill(struct bb_node_machine *n)
 {
-	const struct bb_message m = { .eyes = { n->loop->room->neutral, BB_QUAT_IDENTITY },
-		                      .navigation = BB_POSE_IDENTITY };
+	const struct bb_message m = { .eyes = n->loop->start, .navigation = BB_POSE_IDENTITY };
 	const struct bb_display_config *d = &n->loop->room->screens[n->screens[0]].display;
 
 	make_views(n, &m, NULL);

@@ -524,7 +524,7 @@ static void put_quality(FILE *f, const struct bb_picture_result *p)
 /* One wall at one time: every eye of it, left first. */
 static void put_wall(FILE *f, const struct bb_run_result *r, size_t first, const char *dir, size_t *left)
 {
-	static const char *const eyes[] = { "left", "mono", "right" };
+	static const char *const eyes[] = { "left", "mono", "right", "levels" };
 	const struct bb_picture_result *wall = &r->pictures[first];
 
 	fputs("<div class=\"wall\"><div class=\"pair\">", f);

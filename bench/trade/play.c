@@ -181,7 +181,7 @@ static enum bb_status stream_on(struct play *y, struct bb_stream *stream, struct
 		struct bb_trade_frame f;
 		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
 		if (c->settled) {
-			f.frame.n_ahead = 0;
+			bb_trade_rest(&f);
 			(void)bb_stream_settle(stream, &f.frame);
 		}
 		const struct spent from = begin();
@@ -206,7 +206,9 @@ static enum bb_status play_stream(struct play *y, enum bb_gain_method gain, stru
 						 .placement = y->t->placement,
 						 .memory_bytes = (uint64_t)(y->s->memory_mib * 1048576),
 						 .bricks_per_frame = y->s->bricks_per_frame,
-						 .gain = gain };
+						 .gain = gain,
+						 .occlusion = c->scene->data.occlusion,
+						 .no_prediction = !c->scene->data.predict };
 	struct bb_stream_disk *disk = NULL;
 	struct bb_error why = { 0 };
 	struct bb_trade_frame f;
@@ -220,7 +222,7 @@ static enum bb_status play_stream(struct play *y, enum bb_gain_method gain, stru
 		return status;
 	}
 	bb_trade_frame_at(y->t, 0, y->s->step_voxels, &f);
-	f.frame.n_ahead = 0; /* as after bring-up: at rest */
+	bb_trade_rest(&f); /* as after bring-up */
 	(void)bb_stream_settle(stream, &f.frame);
 	if (c->disk_read_ns > 0 || c->disk_byte_ns > 0)
 		status = bb_stream_disk_start(stream, c->disk_read_ns, c->disk_byte_ns, &disk);

@@ -55,11 +55,11 @@ struct bb_trade_setting bb_trade_own(const struct bb_trade *t)
 	const struct bb_scene *s = t->config.scene;
 	struct bb_trade_setting own = { .memory_mib = s->memory_mib,
 					.bricks_per_frame = (uint32_t)s->stream_bricks_per_frame,
-					.selector = bb_selector_find("leaf"),
+					.selector = bb_selector_find(bb_gain_method_text((enum bb_gain_method)s->data.gain)),
 					.tolerance = 0.1,
 					.step_voxels = s->data.step_voxels,
-					.brick = 16,
-					.type = BB_BRICK_U16 };
+					.brick = (uint32_t)s->data.brick_voxels,
+					.type = (enum bb_brick_type)s->data.values };
 
 	if (!t->steps) {
 		own.brick = t->variant[0].edge;
@@ -148,13 +148,21 @@ void bb_trade_frame_at(const struct bb_trade *t, unsigned i, double step_voxels,
 	out->view = bb_view_make(&wall, eye, eye, NEAR_M, FAR_M);
 	for (int k = 0; k < 4; k++)
 		out->ahead[k] = bb_loop_steps_at(c->scene, n_steps, t_s + (k + 1) * step_s);
+	const double step = bb_loop_steps_at(c->scene, n_steps, t_s);
+	const double soon = bb_loop_steps_at(c->scene, n_steps, t_s + 1e-3 * step_s);
 	out->frame = (struct bb_stream_frame){ .views = &out->view, .n_views = 1, .width_px = c->width_px,
 					       .height_px = c->height_px,
-					       .step = bb_loop_steps_at(c->scene, n_steps, t_s),
+					       .step = step, .way = soon > step ? 1 : soon < step ? -1 : 0,
 					       .step_voxels = step_voxels, .ahead = out->ahead, .n_ahead = 4,
 					       .ahead_frames = (uint32_t)(step_s * BB_TRADE_RATE_HZ) + 1,
 					       .bricks_most = UINT32_MAX,
 					       .now_ns = (int64_t)(t_s * 1e9) };
+}
+
+void bb_trade_rest(struct bb_trade_frame *f)
+{
+	f->frame.n_ahead = 0;
+	f->frame.way = 0;
 }
 
 struct bb_stream_counts bb_trade_count(struct bb_trade *t, unsigned picture, double step_voxels)
@@ -162,8 +170,8 @@ struct bb_stream_counts bb_trade_count(struct bb_trade *t, unsigned picture, dou
 	struct bb_trade_frame f;
 
 	bb_trade_frame_at(t, t->drawn[picture], step_voxels, &f);
+	bb_trade_rest(&f);
 	f.frame.step = t->full_step; /* nothing is read for this */
-	f.frame.n_ahead = 0;
 	return bb_stream_frame(t->full, &f.frame);
 }
 
@@ -179,7 +187,7 @@ static enum bb_status draw_reference(struct bb_trade *t, unsigned k, struct bb_e
 	if (status)
 		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", c->width_px, c->height_px);
 	bb_trade_frame_at(t, t->drawn[k], c->reference_step, &f);
-	f.frame.n_ahead = 0;
+	bb_trade_rest(&f);
 	(void)bb_stream_settle(t->full, &f.frame);
 	t->full_step = f.frame.step;
 	const struct bb_layer layer = bb_stream_layer(t->full);

@@ -39,6 +39,7 @@ struct bb_trade_frame {
 	struct bb_stream_frame frame;
 };
 void bb_trade_frame_at(const struct bb_trade *t, unsigned i, double step_voxels, struct bb_trade_frame *out);
+void bb_trade_rest(struct bb_trade_frame *f); /* time stands still there */
 /* Bricks of that size and type; built when asked for the first time. */
 BB_MUST_CHECK enum bb_status bb_trade_bricks(struct bb_trade *t, uint32_t edge, enum bb_brick_type type,
 					     const struct bb_bricks **out, struct bb_error *err);

@@ -4,7 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const names[] = { "opacity", "leaf", "child", "opacity-lab", "leaf-lab", "child-lab", "uniform" };
+static const char *const names[] = { "opacity",  "leaf",      "child",   "far",    "opacity-lab",
+				     "leaf-lab", "child-lab", "far-lab", "uniform" };
 
 struct budgets {
 	struct bb_tables *t;
@@ -34,7 +35,8 @@ static enum bb_status measure(struct budgets *g, const struct bb_selector *selec
 	const struct bb_tree *tree = &bb_bricks_header(t->b)->tree;
 	const uint32_t leaves = (uint32_t)bb_choose_most(tree), most = leaves / part ? leaves / part : 1;
 	const struct bb_selector_ask ask = { .step = g->step,
-					     .budget = { streaming ? leaves : most, streaming ? most : 0 } };
+					     .budget = { .memory_bricks = streaming ? leaves : most,
+							 .stream_bricks = streaming ? most : 0 } };
 	const size_t n = selector->choose(tree, &t->ratings, &ask, t->heap, t->out);
 	const enum bb_status status = bb_look_fill(&t->look, t->out, n, err);
 

@@ -41,49 +41,59 @@ static void print_edit(const json_t *o, const json_t *set)
 static void print_times(const json_t *o, const json_t *set)
 {
 	const bool kept = number(o, "sequence_mib") <= number(o, "memory_mib");
-	const json_t *row;
-	size_t i;
+	const json_t *rows = json_object_get(o, "rows");
 
 	printf("| %s | %s | | whole volume | %.2f | | %.2f | | |\n", text(set, "set"), text(set, "transfer"),
 	       number(o, "step_mib"), kept ? 0 : number(o, "step_mib"));
-	json_array_foreach(json_object_get(o, "rows"), i, row) printf(
-		"| %s | %s | %s | %s | %.2f | %.2f | %.2f | %.2f | %.1f |\n", text(set, "set"), text(set, "transfer"),
-		text(row, "error"), text(row, "selector"), number(row, "load_mib"), number(row, "load_ms"),
-		number(row, "again_mib"), number(row, "again_ms"), number(row, "kept_mib"));
+	for (size_t i = 0; i < json_array_size(rows); i++) {
+		const json_t *row = json_array_get(rows, i);
+		printf("| %s | %s | %s | %s | %.2f | %.2f | %.2f | %.2f | %.1f |\n", text(set, "set"),
+		       text(set, "transfer"), text(row, "error"), text(row, "selector"), number(row, "load_mib"),
+		       number(row, "load_ms"), number(row, "again_mib"), number(row, "again_ms"),
+		       number(row, "kept_mib"));
+	}
 }
 
 static void print_shares(const json_t *o, const json_t *set)
 {
-	const json_t *row;
-	size_t i;
+	const json_t *rows = json_object_get(o, "rows");
 
-	json_array_foreach(json_object_get(o, "rows"), i, row) printf(
-		"| %s | %s | %s | %s | %.0f | %.0f | %.0f | %.0f | %.2f | %.1f | %.3g | %.3g |\n", text(set, "set"),
-		text(set, "transfer"), text(row, "error"), text(row, "selector"), number(row, "not_rendered"),
-		number(row, "untextured"), number(row, "reused"), number(row, "loaded"), number(row, "luv"),
-		number(row, "psnr_db"), number(row, "space_most"), number(row, "time_most"));
+	for (size_t i = 0; i < json_array_size(rows); i++) {
+		const json_t *row = json_array_get(rows, i);
+		printf("| %s | %s | %s | %s | %.0f | %.0f | %.0f | %.0f | %.2f | %.1f | %.3g | %.3g |\n",
+		       text(set, "set"), text(set, "transfer"), text(row, "error"), text(row, "selector"),
+		       number(row, "not_rendered"), number(row, "untextured"), number(row, "reused"),
+		       number(row, "loaded"), number(row, "luv"), number(row, "psnr_db"), number(row, "space_most"),
+		       number(row, "time_most"));
+	}
+}
+
+static void print_head(const json_t *cells)
+{
+	printf("| gain |");
+	for (size_t k = 0; k < json_array_size(cells); k++)
+		printf(" %s 1/%.0f |", text(json_array_get(cells, k), "budget"),
+		       number(json_array_get(cells, k), "part"));
+	printf("\n|---|");
+	for (size_t k = 0; k < json_array_size(cells); k++)
+		printf("---:|");
+	printf("\n");
 }
 
 static void print_budgets(const json_t *o, const json_t *set)
 {
-	const json_t *row, *cell;
-	size_t i, k;
+	const json_t *rows = json_object_get(o, "rows");
 
 	printf("\n%s, %s, %.0f leaves, step %.0f: error left (%% of the root's) / distance in L\\*u\\*v\\*\n\n",
 	       text(set, "set"), text(set, "transfer"), number(o, "leaves"), number(o, "step"));
-	json_array_foreach(json_object_get(o, "rows"), i, row)
-	{
-		const json_t *cells = json_object_get(row, "budgets");
-		if (!i) {
-			printf("| gain |");
-			json_array_foreach(cells, k, cell)
-				printf(" %s 1/%.0f |", text(cell, "budget"), number(cell, "part"));
-			printf("\n|---|");
-			json_array_foreach(cells, k, cell) printf("---:|");
-			printf("\n");
-		}
+	for (size_t i = 0; i < json_array_size(rows); i++) {
+		const json_t *row = json_array_get(rows, i), *cells = json_object_get(row, "budgets");
+		if (!i)
+			print_head(cells);
 		printf("| %s |", text(row, "selector"));
-		json_array_foreach(cells, k, cell) printf(" %.2f / %.2f |", number(cell, "cost"), number(cell, "luv"));
+		for (size_t k = 0; k < json_array_size(cells); k++)
+			printf(" %.2f / %.2f |", number(json_array_get(cells, k), "cost"),
+			       number(json_array_get(cells, k), "luv"));
 		printf("\n");
 	}
 }
@@ -101,7 +111,8 @@ void bb_tables_print(const json_t *root)
 {
 	if (has(root, "edits")) {
 		printf("## An edit of the transfer function\n\n"
-		       "Whole time trees, one core, least of 5. Ranks: Spearman's correlation with the reference "
+		       "Whole time trees; time one core ran, least of 5. Ranks: Spearman's correlation with the "
+		       "reference "
 		       "metrics.\n\n"
 		       "| set | transfer | bricks | edit, ms | local in time, ms | by histogram, ms | reading once, ms "
 		       "| reference, s | "

@@ -22,6 +22,7 @@ struct bb_tables_set {
 	const char *name, *kind; /* of bb_steps_generate */
 	const char *tf;          /* scenes/TF-sparse.tf, scenes/TF-filled.tf */
 	uint32_t dim[3], n_steps;
+	uint32_t brick; /* 0: as the part of the tables has it; else edits only */
 };
 extern const struct bb_tables_set bb_tables_sets[]; /* ends with name NULL */
 

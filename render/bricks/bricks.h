@@ -49,7 +49,10 @@ enum bb_bricks_way {
 };
 
 struct bb_bricks_reader;
-/* For up to `most` bricks at a time (larger batches are cut). 1453: this file system has no direct reads; 1702. */
+/*
+ * For up to `most` bricks at a time (larger batches are cut). It holds 2 MiB when so many bricks are more than about
+ * 128 KiB, else little more than their bytes. 1453: this file system has no direct reads; 1702.
+ */
 BB_MUST_CHECK enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most, enum bb_bricks_way way,
 						     struct bb_bricks_reader **out, struct bb_error *err);
 void bb_bricks_reader_destroy(struct bb_bricks_reader *r);                 /* NULL is allowed */

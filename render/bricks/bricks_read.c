@@ -3,24 +3,30 @@
  * each read goes to a staging memory that stays in the second cache; from there a plain brick is copied to its place
  * past the caches while its CRC is made, and a packed one is unpacked. Reading straight into the slots was slower: the
  * kernel's copy has to fetch every line of the slot first.
- *
- * The file is never mapped: one that shrinks would be a SIGBUS, here it is a short read.
  */
-#define _GNU_SOURCE /* preadv2, O_DIRECT */
+#define _GNU_SOURCE /* O_DIRECT */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/uio.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 #include "render/bricks/bricks_private.h"
 #include "render/bricks/crc32c.h"
 #include "render/bricks/values.h"
 
-#define PIECE_BYTES (256u << 10)   /* of one read: staging and slot lines fit the second cache */
-#define PAGE_BYTES 4096u           /* what direct reads are multiples of */
+#ifdef BB_FUZZ
+#define PIECE_CACHED_BYTES 1024u /* so that small bricks can be large ones */
+#define PIECE_DIRECT_BYTES 1024u
+#else
+#define PIECE_CACHED_BYTES (256u << 10) /* of one read: the staging memory stays in the second cache */
+#define PIECE_DIRECT_BYTES (1u << 20)   /* a disk waits longer for each read than for its bytes */
+#endif
+#define HUGE_BYTES (2u << 20)
+#define BOUNCE_BYTES (64u << 10) /* up to which unpacking in the caches and copying on is faster than unpacking in place */
+#define PAGE_BYTES 4096u             /* what direct reads are multiples of */
 #define GAP_CACHED_BYTES (8u << 10)  /* unwanted bytes that cost less than a system call */
 #define GAP_DIRECT_BYTES (32u << 10) /* and less than one more access to the disk */
 #define PROBE_EVERY 8 /* runs; of these the first is asked for only if it is in the cache already */
@@ -48,6 +54,7 @@ struct bb_bricks_reader {
 	struct key *keys, *spare; /* [most] */
 	struct run *runs;         /* [most] */
 	uint8_t *stage;           /* piece_bytes, and a page on either side */
+	uint8_t *bounce;          /* behind it, of a brick: where small ones are unpacked; or NULL */
 	struct bb_unpacker unpacker;
 	struct bb_bricks_counts counts;
 	uint64_t held_bytes;
@@ -56,10 +63,10 @@ struct bb_bricks_reader {
 /* ---- a reader ---- */
 
 /* The most a run may have: a piece, but a packed brick must fit, and no more than the batch can ask for. */
-static size_t piece_of(const struct bb_bricks *b, uint32_t most)
+static size_t piece_of(const struct bb_bricks *b, uint32_t most, bool direct)
 {
-	const size_t n = bb_bricks_brick_bytes(&b->h), cap = bb_values_packed_cap(b->h.codec, n);
-	const size_t all = cap * most, piece = all < PIECE_BYTES ? all : PIECE_BYTES;
+	const size_t n = bb_bricks_brick_bytes(&b->h), cap = bb_values_packed_cap(b->h.codec, n), all = cap * most;
+	const size_t usual = direct ? PIECE_DIRECT_BYTES : PIECE_CACHED_BYTES, piece = all < usual ? all : usual;
 
 	return b->h.codec != BB_BRICK_PLAIN && cap > piece ? cap : piece;
 }
@@ -69,16 +76,37 @@ static size_t up(size_t n)
 	return (n + PAGE_BYTES - 1) / PAGE_BYTES * PAGE_BYTES;
 }
 
+/*
+ * In one huge page: a disk reads twice as fast into it as into scattered small ones (its list of where the bytes go is
+ * short), and all of it finds room in the second cache, which scattered pages share unevenly. Not where it would be more
+ * than the bytes deserve.
+ */
+static uint8_t *stage_of(size_t *n)
+{
+	const bool huge = *n > HUGE_BYTES / 16;
+	const size_t align = huge ? HUGE_BYTES : PAGE_BYTES;
+
+	*n = (*n + align - 1) / align * align;
+	uint8_t *stage = aligned_alloc(align, *n);
+	if (stage && huge)
+		(void)madvise(stage, *n, MADV_HUGEPAGE);
+	return stage;
+}
+
 static bool hold(struct bb_bricks_reader *r)
 {
-	const size_t stage = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h), room = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	const bool bounces = r->b->h.codec != BB_BRICK_PLAIN && n_brick <= BOUNCE_BYTES &&
+			     bb_crc32c_has(BB_CRC32C_FOLDED);
+	size_t stage = room + (bounces ? n_brick : 0);
 
 	r->keys = calloc(r->most, sizeof(*r->keys));
 	r->spare = calloc(r->most, sizeof(*r->spare));
 	r->runs = calloc(r->most, sizeof(*r->runs));
-	r->stage = aligned_alloc(PAGE_BYTES, stage);
+	r->stage = stage_of(&stage);
 	if (!r->keys || !r->spare || !r->runs || !r->stage || !bb_unpacker_init(&r->unpacker, r->b->h.codec))
 		return false;
+	r->bounce = bounces ? r->stage + room : NULL;
 	r->held_bytes = sizeof(*r) + stage + r->most * (2 * sizeof(*r->keys) + sizeof(*r->runs)) +
 			bb_unpacker_bytes(&r->unpacker);
 	return true;
@@ -99,7 +127,7 @@ enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most,
 					.can_probe = way == BB_BRICKS_CACHED,
 					.most = most < 1 ? 1 : most > BB_BRICKS_BATCH_MOST ? BB_BRICKS_BATCH_MOST : most,
 					.gap_bytes = way == BB_BRICKS_DIRECT ? GAP_DIRECT_BYTES : GAP_CACHED_BYTES };
-	r->piece_bytes = (uint32_t)piece_of(b, r->most);
+	r->piece_bytes = (uint32_t)piece_of(b, r->most, r->direct);
 	if (r->direct) { /* the same file, whatever its name means by now */
 		char self[32];
 		snprintf(self, sizeof(self), "/proc/self/fd/%d", b->fd);
@@ -225,7 +253,7 @@ static void tell_ahead(struct bb_bricks_reader *r, uint32_t now)
 		r->n_told = now;
 	for (; r->n_told < r->n_runs && r->n_told < now + AHEAD; r->n_told++) {
 		const struct run *u = &r->runs[r->n_told];
-		(void)posix_fadvise(r->fd, (off_t)u->from, u->bytes, POSIX_FADV_WILLNEED);
+		bb_bricks_file_expect(r->fd, u->bytes, u->from);
 	}
 }
 
@@ -233,7 +261,7 @@ static void tell_ahead(struct bb_bricks_reader *r, uint32_t now)
 static size_t probe(struct bb_bricks_reader *r, uint32_t now)
 {
 	const struct run *u = &r->runs[now];
-	const ssize_t got = preadv2(r->fd, &(struct iovec){ r->stage, u->bytes }, 1, (off_t)u->from, RWF_NOWAIT);
+	const ssize_t got = bb_bricks_file_peek(r->fd, r->stage, u->bytes, u->from);
 
 	r->counts.reads++;
 	if (got < 0 && errno != EAGAIN)
@@ -253,7 +281,7 @@ static size_t fetch(struct bb_bricks_reader *r, uint64_t from, size_t n, size_t 
 	*out = r->stage + before;
 	*failure = 0;
 	while (done < want) {
-		const ssize_t got = pread(r->fd, r->stage + done, want - done, (off_t)(begin + done));
+		const ssize_t got = bb_bricks_file_read(r->fd, r->stage + done, want - done, begin + done);
 		r->counts.reads++;
 		if (got < 0 && errno == EINTR)
 			continue;
@@ -289,15 +317,27 @@ static bool is_whole(const struct bb_bricks_reader *r, const struct bb_bricks_wa
 #endif
 }
 
+static bool unpack(struct bb_bricks_reader *r, const uint8_t *bytes, size_t n, uint8_t *out)
+{
+	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h);
+
+	if (!r->bounce)
+		return bb_values_unpack(&r->unpacker, bytes, n, out, n_brick);
+	if (!bb_values_unpack(&r->unpacker, bytes, n, r->bounce, n_brick))
+		return false;
+	(void)bb_crc32c_copy(0, out, r->bounce, n_brick);
+	return true;
+}
+
 static void deliver(struct bb_bricks_reader *r, struct bb_bricks_want *w, const uint8_t *bytes)
 {
-	const size_t n = r->b->index[w->brick].bytes, n_brick = bb_bricks_brick_bytes(&r->b->h);
+	const size_t n = r->b->index[w->brick].bytes;
 	const bool plain = r->b->h.codec == BB_BRICK_PLAIN;
 	const uint32_t crc = plain ? bb_crc32c_copy(0, w->out, bytes, n) : bb_crc32c(0, bytes, n);
 
 	if (!is_whole(r, w, crc))
 		fail(r, w, BB_ERR_FORMAT, 1441, "");
-	else if (!plain && !bb_values_unpack(&r->unpacker, bytes, n, w->out, n_brick))
+	else if (!plain && !unpack(r, bytes, n, w->out))
 		fail(r, w, BB_ERR_FORMAT, 1450, "");
 	else
 		r->counts.bricks++;

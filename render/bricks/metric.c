@@ -1,10 +1,11 @@
 #include "render/bricks/metric.h"
+#include "render/bricks/metric_quick.h"
 
 #include <math.h>
 #include <string.h>
 
-#define LEAST_DEVIATION (0.25 / BB_METRIC_COLOURS) /* below a quarter of an entry a brick is flat */
-#define MOST_DEVIATION 0.5                         /* half the values at either end */
+#define LEAST_DEVIATION BB_METRIC_LEAST_DEVIATION
+#define MOST_DEVIATION BB_METRIC_MOST_DEVIATION
 #define REACH 12.0 /* deviations beyond which float has nothing left of a normal distribution */
 
 #define MOST_ERROR 1e18 /* stands for all larger ones */
@@ -136,7 +137,7 @@ static float row_of(double deviation)
 {
 	const float per_row = (float)((BB_METRIC_DEVIATIONS - 1) / log2(MOST_DEVIATION / LEAST_DEVIATION));
 
-	return log2f((float)(deviation / LEAST_DEVIATION)) * per_row;
+	return bb_quick_log2((float)(deviation * (1 / LEAST_DEVIATION))) * per_row;
 }
 
 /*
@@ -214,7 +215,7 @@ double bb_metric_look_up(const struct bb_metric_table *t, double mean, double de
 	const float fr = row - (float)r, fc = column - (float)c;
 	const float a = t->log_error[r][c] + (t->log_error[r][c + 1] - t->log_error[r][c]) * fc;
 	const float b = t->log_error[r + 1][c] + (t->log_error[r + 1][c + 1] - t->log_error[r + 1][c]) * fc;
-	return (double)expm1f(a + (b - a) * fr);
+	return (double)bb_quick_expm1(a + (b - a) * fr);
 }
 
 /* ---- all bricks of a file ---- */

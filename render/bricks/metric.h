@@ -20,6 +20,8 @@
 
 #define BB_METRIC_COLOURS 256
 #define BB_METRIC_DEVIATIONS 48
+#define BB_METRIC_LEAST_DEVIATION (0.25 / BB_METRIC_COLOURS) /* below a quarter of an entry a brick is flat */
+#define BB_METRIC_MOST_DEVIATION 0.5                         /* half the values at either end */
 
 struct bb_metric_colours {
 	float rgba[BB_METRIC_COLOURS][4];

@@ -5,6 +5,7 @@
  * mean of that over the values it holds.
  */
 #include "render/bricks/metric.h"
+#include "render/bricks/metric_quick.h"
 
 #include <math.h>
 #include <string.h>
@@ -12,7 +13,8 @@
 #define TIME_EVERY 3      /* rows of the spatial table for one of ours, along the deviation over time */
 #define DEVIATION_EVERY 4 /* along the deviation within the brick */
 #define REACH 4.0         /* deviations */
-#define LOOKS 8.0         /* what is seen less than once in so many steps is seen in as many times fewer voxels */
+#define LEAST_ERROR 1e-9
+#define LOOKS 8.0 /* what is seen less than once in so many steps is seen in as many times fewer voxels */
 
 static int nearest_column(int mean)
 {
@@ -75,10 +77,12 @@ static struct at at(float where, int n)
 /* Rows are geometric in the deviation. */
 static float row_of(double deviation, int every)
 {
-	const double least = bb_metric_deviation_of_row(0), most = bb_metric_deviation_of_row(BB_METRIC_DEVIATIONS - 1);
-	const float per_row = (float)((BB_METRIC_DEVIATIONS - 1) / log2(most / least) / every);
+	const float per_row = (float)((BB_METRIC_DEVIATIONS - 1) /
+				      log2(BB_METRIC_MOST_DEVIATION / BB_METRIC_LEAST_DEVIATION) / every);
 
-	return deviation > least ? log2f((float)(deviation / least)) * per_row : 0;
+	return deviation > BB_METRIC_LEAST_DEVIATION
+		       ? bb_quick_log2((float)(deviation * (1 / BB_METRIC_LEAST_DEVIATION))) * per_row
+		       : 0;
 }
 
 static float along(const float *row, struct at x)
@@ -89,7 +93,7 @@ static float along(const float *row, struct at x)
 double bb_metric_look_up_time(const struct bb_metric_times *t, double mean, double deviation, double least, double most,
 			      double time_deviation)
 {
-	const double narrow = bb_metric_deviation_of_row(0);
+	const double narrow = BB_METRIC_LEAST_DEVIATION;
 	float part[2];
 
 	if (!(time_deviation > 0) || !bb_metric_visible(t->colours, least, most))
@@ -101,7 +105,7 @@ double bb_metric_look_up_time(const struct bb_metric_times *t, double mean, doub
 		const float a = along(t->log_error[z.i + k][y.i], x), b = along(t->log_error[z.i + k][y.i + 1], x);
 		part[k] = a + (b - a) * y.part;
 	}
-	const double error = (double)expm1f(part[0] + (part[1] - part[0]) * z.part);
+	const double error = (double)bb_quick_expm1(part[0] + (part[1] - part[0]) * z.part);
 	return time_deviation < narrow ? error * (time_deviation / narrow)
 				       : error; /* below the first row: in proportion */
 }

@@ -118,9 +118,21 @@ static enum bb_status rate_reference(const struct bb_bricks *b, const struct bb_
 GAIN(rate_opacity, BB_GAIN_OPACITY, BB_GAIN_RGB)
 GAIN(rate_leaf, BB_GAIN_LEAF, BB_GAIN_RGB)
 GAIN(rate_child, BB_GAIN_CHILD, BB_GAIN_RGB)
+GAIN(rate_far, BB_GAIN_FAR, BB_GAIN_RGB)
 GAIN(rate_opacity_lab, BB_GAIN_OPACITY, BB_GAIN_LAB)
 GAIN(rate_leaf_lab, BB_GAIN_LEAF, BB_GAIN_LAB)
 GAIN(rate_child_lab, BB_GAIN_CHILD, BB_GAIN_LAB)
+GAIN(rate_far_lab, BB_GAIN_FAR, BB_GAIN_LAB)
+
+static enum bb_status rate_leaf_on(const struct bb_bricks *b, const struct bb_transfer *tf, struct bb_ratings *r,
+				   struct bb_error *err)
+{
+	const enum bb_status status = rate_leaf(b, tf, r, err);
+
+	if (!status)
+		bb_gain_press_on(r->work, bb_bricks_header(b)->tree.n_bricks, r->space, r->time);
+	return status;
+}
 
 /* ---- choices ---- */
 
@@ -173,9 +185,14 @@ const struct bb_selector bb_selectors[] = {
 	  rate_leaf, by_budget },
 	{ "child", "budget: the largest error against the children first", BB_NEEDS_HISTOGRAMS, false, rate_child,
 	  by_budget },
-	{ "opacity-lab", "the same three in CIE L*a*b*", BB_NEEDS_HISTOGRAMS, false, rate_opacity_lab, by_budget },
+	{ "far", "budget: as leaf, splits so deep as gains most for each brick", BB_NEEDS_HISTOGRAMS, false, rate_far,
+	  by_budget },
+	{ "leaf-on", "leaf, and on where children are no better than their parent", BB_NEEDS_HISTOGRAMS, false, rate_leaf_on,
+	  by_budget },
+	{ "opacity-lab", "the same four in CIE L*a*b*", BB_NEEDS_HISTOGRAMS, false, rate_opacity_lab, by_budget },
 	{ "leaf-lab", "", BB_NEEDS_HISTOGRAMS, false, rate_leaf_lab, by_budget },
 	{ "child-lab", "", BB_NEEDS_HISTOGRAMS, false, rate_child_lab, by_budget },
+	{ "far-lab", "", BB_NEEDS_HISTOGRAMS, false, rate_far_lab, by_budget },
 	{ "uniform", "budget: the finest level that fits as a whole", BB_NEEDS_NOTHING, false, rate_nothing, uniform },
 	{ "optimum", "budget: the least error against the leaves there is; small trees", BB_NEEDS_HISTOGRAMS, false,
 	  rate_leaf, optimum },

@@ -230,6 +230,14 @@ float bb_sight_weight(const struct bb_sight *s, uint32_t node)
 	return (float)(pixels * pixels * fmax(seen, BB_SIGHT_SEEN_LEAST));
 }
 
+void bb_sight_weights(const struct bb_sight *s, float *out)
+{
+	for (uint32_t node = 0; node < s->tree->n_nodes; node++) {
+		const uint32_t parent = bb_tree_parent(s->tree, node);
+		out[node] = parent == BB_TREE_NONE || out[parent] > 0 ? bb_sight_weight(s, node) : 0;
+	}
+}
+
 void bb_sight_seen(const struct bb_tree *tree, float *seen)
 {
 	memset(seen, 0, tree->first[tree->n_levels - 1] * sizeof(*seen));

@@ -66,6 +66,10 @@ float bb_sight_pixels(const struct bb_sight *s, uint32_t node);
  */
 float bb_sight_weight(const struct bb_sight *s, uint32_t node);
 
+/* Of every node, [n_nodes]: for bb_choose_by_budget. Asks no view about what lies below a node that is worth nothing.
+ */
+void bb_sight_weights(const struct bb_sight *s, float *out);
+
 /*
  * A renderer fills the leaves, seen[first[n_levels - 1]...], with the largest share of light (0..1) any ray still had
  * when it entered the node's cell, 0 where none did; this gives every node above the largest of its descendants.

@@ -106,13 +106,7 @@ uint64_t bb_unpacker_bytes(const struct bb_unpacker *u)
 
 bool bb_values_unpack(const struct bb_unpacker *u, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
 {
-	if (u->codec == BB_BRICK_LZ4)
-		return n <= INT32_MAX &&
-		       LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
 	if (u->codec == BB_BRICK_ZSTD)
 		return ZSTD_decompressDCtx(u->zstd, out, n_out, from, n) == n_out;
-	if (n != n_out)
-		return false;
-	memcpy(out, from, n);
-	return true;
+	return n <= INT32_MAX && LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
 }

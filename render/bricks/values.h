@@ -24,7 +24,7 @@ struct bb_unpacker {
 BB_MUST_CHECK bool bb_unpacker_init(struct bb_unpacker *u, enum bb_brick_codec codec); /* false: no memory */
 void bb_unpacker_fini(struct bb_unpacker *u);                                           /* zeros are allowed */
 uint64_t bb_unpacker_bytes(const struct bb_unpacker *u);
-/* Exactly n_out bytes, or false. Allocates nothing. */
+/* Exactly n_out bytes, or false; of a codec that packs. Allocates nothing. */
 bool bb_values_unpack(const struct bb_unpacker *u, const uint8_t *from, size_t n, uint8_t *out, size_t n_out);
 
 #endif

@@ -19,8 +19,10 @@
 static void add_step(struct bb_plan *p, uint32_t step, uint32_t due, float weight)
 {
 	for (uint32_t i = 0; i < p->n_steps; i++)
-		if (p->step[i] == step)
+		if (p->step[i] == step) {
+			p->weight[i] = weight > p->weight[i] ? weight : p->weight[i];
 			return;
+		}
 	if (p->n_steps == BB_STEPS_MOST)
 		return;
 	p->step[p->n_steps] = step;
@@ -59,22 +61,21 @@ static void add_ahead(struct bb_stream *s, const struct bb_stream_frame *f, doub
 void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *f)
 {
 	struct bb_plan *p = &s->plan;
-	const double now = clamped(f->step, s->tree->n_steps), part = now - floor(now);
-	const double next = f->n_ahead ? clamped(f->ahead[0], s->tree->n_steps) : now;
-	const bool back = fabs(next - (now - 1)) < 1e-6; /* else on, or a jump that comes when this step is over */
+	const double now = clamped(f->step, s->tree->n_steps), part = now - floor(now), rest = 1 - part;
+	const int way = f->way;
 
 	p->n_steps = p->n_ahead = 0;
 	/* The one that goes has faded to nothing before it drops out of the plan. */
-	add_step(p, (uint32_t)now, 0, (float)(next == now || back ? 1 : (1 - part) * (1 - part)));
-	add_step(p, (uint32_t)ceil(now), 0, (float)(back && part > 0 ? part * part : 1));
+	add_step(p, (uint32_t)now, 0, (float)(way > 0 ? rest * rest : 1));
+	add_step(p, (uint32_t)ceil(now), 0, (float)(way < 0 && part > 0 ? part * part : 1));
 	p->n_shown = p->n_steps;
-	if (next == now || s->config.no_prediction)
+	if (!way || !f->n_ahead || s->config.no_prediction)
 		return;
 	if (part == 0)
-		add_step(p, next_to(s, now, back ? -1 : 1), 0, 1);
+		add_step(p, next_to(s, now, way), 0, 1);
 	p->n_ahead = (uint32_t)f->n_ahead;
 	p->grace = f->ahead_frames / 4 + 1;
-	add_ahead(s, f, back && part > 0 ? part : 1 - part, back ? -1 : 1);
+	add_ahead(s, f, way < 0 && part > 0 ? part : rest, way);
 }
 
 /* ---- the heap ---- */
@@ -246,6 +247,15 @@ static void plan_reading(struct bb_stream *s)
 	}
 }
 
+/* All slots but the root's, and but those of bricks that had to stand in for others: up to an eighth, so that a plan that
+ * turns to other bricks keeps what there is to show until they come. */
+static uint32_t room_for(const struct bb_stream *s)
+{
+	const uint32_t n = s->slots.n, most = n / 8, now = bb_show_kept(s), kept = 1 + (now < most ? now : most);
+
+	return n > kept ? n - kept : 1;
+}
+
 void bb_plan_make(struct bb_stream *s)
 {
 	struct bb_plan *p = &s->plan;
@@ -256,6 +266,7 @@ void bb_plan_make(struct bb_stream *s)
 		return;
 	}
 	plan_reading(s);
+	p->target_most = room_for(s);
 	push(s, (struct bb_target){ .steps = (uint8_t)((1U << p->n_steps) - 1), .rank = INFINITY });
 	while (p->n_heap) {
 		struct bb_target t = pop(p);

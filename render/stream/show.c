@@ -7,6 +7,8 @@
 #include <math.h>
 #include <string.h>
 
+#define RETURN_FRAMES 8 /* after so many a slot that was kept for one that stood in is free again */
+
 static bool is_here(const struct bb_stream *s, uint32_t node, uint32_t tau, uint32_t *slot)
 {
 	*slot = bb_slots_find(&s->slots, bb_stream_brick(s, node, tau));
@@ -47,10 +49,33 @@ static uint32_t fill(struct bb_stream *s, struct bb_atlas_cell *map, uint32_t no
 	return (to[0] - from[0]) * (to[1] - from[1]) * (to[2] - from[2]);
 }
 
+void bb_show_keep(struct bb_stream *s)
+{
+	const struct bb_plan *p = &s->plan;
+	const uint32_t spare = s->slots.n > p->n_targets + 1 ? s->slots.n - p->n_targets - 1 : 0;
+	uint32_t n = 0, level;
+
+	for (uint32_t i = 0; i < p->n_targets; i++) {
+		const struct bb_target *t = &p->target[i];
+		const uint32_t slot = bb_show_best(s, t->node, t->tau, &level);
+		if (s->slots.slot[slot].used_frame == s->slots.frame)
+			continue;
+		if (n++ < spare)
+			bb_slots_touch(&s->slots, slot);
+	}
+	/* Given back slowly: a plan that grew at once would send for what it gave up a moment ago. */
+	s->kept = n * RETURN_FRAMES > s->kept ? n * RETURN_FRAMES : s->kept - (s->kept > 0);
+}
+
+uint32_t bb_show_kept(const struct bb_stream *s)
+{
+	return (s->kept + RETURN_FRAMES - 1) / RETURN_FRAMES;
+}
+
 void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts)
 {
 	const struct bb_plan *p = &s->plan;
-	uint32_t spare = s->reserve, cells, slot, level;
+	uint32_t cells, slot, level;
 	bool changed = s->atlas.n_shown != p->n_shown;
 
 	for (uint32_t i = 0; i < p->n_targets; i++) {
@@ -59,11 +84,6 @@ void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts)
 			continue;
 		slot = bb_show_best(s, t->node, t->tau, &level);
 		const bool itself = s->slots.slot[slot].brick == bb_stream_brick(s, t->node, t->tau);
-		/* Those that stand in are kept as long as there is room for them beside the targets. */
-		if (!itself && s->slots.slot[slot].used_frame != s->slots.frame && spare) {
-			bb_slots_touch(&s->slots, slot);
-			spare--;
-		}
 		const struct bb_atlas_cell cell = { (int32_t)slot, bb_stream_up(s, level), 0 };
 		counts->drawn++;
 		counts->missing += !itself;

@@ -28,6 +28,7 @@ struct bb_stream_config {
 	uint32_t bricks_per_frame; /* 0: no limit */
 	enum bb_gain_method gain;
 	bool no_prediction;
+	bool occlusion; /* what little light reached lately is worth less: for data that hides itself */
 };
 
 struct bb_stream_frame { /* what a frame is about */
@@ -35,6 +36,7 @@ struct bb_stream_frame { /* what a frame is about */
 	size_t n_views; /* 0: nothing is seen; what is there stays */
 	uint32_t width_px, height_px;
 	double step, step_voxels; /* time in steps (0 .. n_steps - 1); its two neighbours are on show */
+	int way;                  /* of time: 1 on, -1 back, 0 it stands still */
 	const double *ahead;      /* steps that will be on show in so many frames: ahead[i] in (i + 1) * ahead_frames */
 	size_t n_ahead;
 	uint32_t ahead_frames;

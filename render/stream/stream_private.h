@@ -11,6 +11,7 @@
 
 #define BB_NO_BRICK UINT64_MAX
 #define BB_NO_SLOT UINT32_MAX
+#define BB_HIDE_ENTRIES 1024
 #define BB_VIEWS_MOST 128
 #define BB_STEPS_MOST 6 /* two on show, four ahead */
 
@@ -79,7 +80,7 @@ struct bb_stream {
 	struct bb_atlas_cell *map[2];
 	struct bb_slots slots;
 	uint32_t root;         /* slot of brick 0, which is always there */
-	uint32_t reserve;      /* slots that are not for targets: what stands in for them, and ways to them */
+	uint32_t kept; /* slots for bricks that stand in for missing ones, times RETURN_FRAMES of show.c */
 	struct bb_plan plan;
 	struct bb_wish *wish;  /* [n_slots + 8] */
 	uint32_t n_wishes;
@@ -90,6 +91,11 @@ struct bb_stream {
 	struct bb_loader *loader;
 	struct bb_sight sight;
 	struct bb_sight_frustum frustum[BB_VIEWS_MOST];
+	struct {
+		float opacity[BB_HIDE_ENTRIES]; /* of a step, by value */
+		float *light;                   /* [cells] the largest share that came here lately */
+		float *seen;                    /* [n_nodes] for the sight */
+	} hide;
 	float *space, *time;   /* [n_bricks] points, and work */
 	float *work;
 	uint64_t held_bytes;   /* under the memory budget */
@@ -120,7 +126,10 @@ void bb_slots_clear(struct bb_slots *s); /* nothing is anywhere */
 void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *frame);
 void bb_plan_make(struct bb_stream *s);
 
-/* show.c: fills the maps from the plan's targets and what stands in for them; touches what is drawn; counts. */
+/* show.c. Before anything goes: what stands in for missing targets is kept, as far as there are slots besides theirs. */
+void bb_show_keep(struct bb_stream *s);
+uint32_t bb_show_kept(const struct bb_stream *s);
+/* After it: fills the maps from the targets and what stands in for them; counts. */
 void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts);
 /* The best that is in memory for a target: itself, or an ancestor in space or time. There always is one. */
 uint32_t bb_show_best(const struct bb_stream *s, uint32_t node, uint32_t tau, uint32_t *level);
@@ -136,6 +145,10 @@ void bb_stream_give(struct bb_stream *s);
 /* Reads up to BB_READ_MOST bricks into their slots' memory, by the stream's one reader: one thread at a time. err: the
  * first one's. */
 void bb_stream_read(struct bb_stream *s, struct bb_load *loads, size_t n, struct bb_error *err);
+
+/* hide.c: after the maps are made; and whenever the transfer function is another one. */
+void bb_hide(struct bb_stream *s, const struct bb_stream_frame *frame);
+void bb_hide_edit(struct bb_stream *s);
 
 /* count.c */
 void bb_count_rays(const struct bb_stream *s, const struct bb_view *view, const struct bb_stream_frame *frame,

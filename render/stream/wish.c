@@ -101,22 +101,23 @@ static void sort(struct bb_wish *w, uint32_t n)
 /*
  * How many bricks to ask for now, so that all are here when their step is on show and no frame has more to do than
  * another: the steepest line from here to any date. A quarter of a step is added to each: for so long what is on show may
- * be a little coarser, and a plan that turned to other bricks does not make a burst.
+ * be a little coarser. Under a streaming budget what is on show and missing is not paced: the budget does that.
  */
 static uint32_t pace(const struct bb_stream *s)
 {
-	uint32_t most = 0;
+	uint32_t most = 0, shown = 0;
 
 	if (!s->plan.n_ahead)
 		return UINT32_MAX;
 	for (uint32_t i = 0; i < s->n_wishes; i++) {
 		const uint32_t due = s->wish[i].due + s->plan.grace;
+		shown += !s->wish[i].due;
 		if (i + 1 < s->n_wishes && s->wish[i + 1].due == s->wish[i].due)
 			continue;
 		const uint32_t each = (i + due) / due;
 		most = each > most ? each : most;
 	}
-	return most;
+	return s->config.bricks_per_frame && shown > most ? shown : most;
 }
 
 static bool ask(struct bb_stream *s, uint64_t brick, uint32_t *n_loads, struct bb_stream_counts *counts)

@@ -90,11 +90,13 @@ static double value_at(struct row *w, double r)
 	const double source = w->turns - left / ROTATION_DAYS;
 	const double sheet = 0.30 * bb_sin_turns(source + w->shift[0]) + 0.13 * bb_sin_turns(2 * source + w->shift[1]);
 	const double slow = bb_bump(w->latitude - sheet, 0.5);
-	double torn = 0, scale = 1;
+	double torn = 0;
 
-	for (int k = 0; k < 3; k++, scale *= 2)
+	for (int k = 0; k < 3; k++) {
+		const double scale = 1 << k;
 		torn += bb_noise_at(&w->torn[k], left * 0.45 * scale, w->latitude * 4 * scale, source * 14 * scale) /
 			scale;
+	}
 	double v = (2.3 + 4.4 * slow) * streams(w, source, r) * (1 + 0.16 * torn);
 	for (int k = 0; k < 2; k++)
 		v *= ejected(&w->cone[k], r);

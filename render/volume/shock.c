@@ -65,9 +65,10 @@ static struct row row_of(const struct bb_generated *g, uint32_t step, uint32_t z
 {
 	const double phase = bb_generated_phase(g, step), wide = g->dim[1] > g->dim[2] ? g->dim[1] : g->dim[2];
 	struct row w = { .phase = phase, .y = (y + 0.5) / wide, .z = (z + 0.5) / wide };
-	double uneven = 0, scale = 1;
+	double uneven = 0;
 
-	for (uint32_t k = 0; k < 3; k++, scale *= 2) {
+	for (uint32_t k = 0; k < 3; k++) {
+		const double scale = 1 << k;
 		struct bb_noise n = bb_noise_make(g->seed, k, 0, 0);
 		uneven += bb_noise_at(&n, 0.5, w.y * 4 * scale, w.z * 4 * scale) / scale;
 	}
