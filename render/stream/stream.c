@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LAST_RESORT 0.01F /* of its own error: what a split is worth at least */
-
 /* ---- what has been read ---- */
 
 void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_counts *counts)
@@ -120,11 +118,8 @@ static enum bb_status rate_all(struct bb_stream *s, struct bb_error *err)
 	bb_gain_weights(s->config.transfer, &w);
 	const enum bb_status status =
 		bb_gain_points(s->config.bricks, &w, s->config.gain, s->space, s->time, s->work, err);
-	for (uint64_t i = 0; !status && s->config.gain == BB_GAIN_LEAF && i < s->tree->n_bricks; i++) {
-		/* Children may be no better than their parent where grandchildren are. */
-		s->space[i] = s->space[i] < 0 ? -1 : fmaxf(s->space[i], LAST_RESORT * s->work[i] / 8);
-		s->time[i] = s->time[i] < 0 ? -1 : fmaxf(s->time[i], LAST_RESORT * s->work[i] / 2);
-	}
+	if (!status && s->config.gain == BB_GAIN_LEAF)
+		bb_gain_press_on(s->work, s->tree->n_bricks, s->space, s->time);
 	return status;
 }
 
