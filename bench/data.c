@@ -50,9 +50,7 @@ enum bb_status bb_data_build(struct bb_steps *steps, uint32_t edge, enum bb_bric
 
 enum bb_status bb_data_folder(char *dir, size_t cap, struct bb_error *err)
 {
-	const char *tmp = getenv("TMPDIR");
-
-	snprintf(dir, cap, "%.800s/blackburst-XXXXXX", tmp && *tmp ? tmp : "/tmp");
+	snprintf(dir, cap, "/tmp/blackburst-XXXXXX");
 	if (!mkdtemp(dir))
 		return bb_fail(err, BB_ERR_IO, 1002, &(struct bb_where){ dir, 0, 0 }, "%s", strerror(errno));
 	return BB_OK;

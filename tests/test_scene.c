@@ -34,7 +34,7 @@ static void epi_is_as_committed(void **state)
 	assert_int_equal(s->technique, BB_TECHNIQUE_VOLUME);
 	assert_string_equal(s->data.file, "build/data/example4d.nii.gz");
 	assert_int_equal(s->data.loop, BB_LOOP_PING_PONG);
-	assert_true(s->data.seconds_per_step == 0.5 && s->memory_mib == 0.5 && s->stream_bricks_per_frame == 8);
+	assert_true(s->data.seconds_per_step == 0.5 && s->memory_mib == 1 && s->stream_bricks_per_frame == 8);
 	assert_true(s->duration_s == 10 && s->pictures.n_at == 3 && s->pictures.at_s[2] == 10);
 	assert_true(s->pictures.all_walls && s->pictures.eyes == 3);
 	for (int i = 0; i < BB_CLASS_COUNT; i++)
