@@ -174,6 +174,10 @@ lint:
 bench: all
 	build/blackburst bench --out build/bench.json
 
+# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --gpu"
+bench-cast: $B/tests/bench/cast
+	@$< $(ARGS)
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -208,6 +212,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

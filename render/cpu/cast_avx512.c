@@ -197,7 +197,7 @@ static inline vf pick_piece(const float *piece, vi index) /* of 32, aligned; ind
 	return (vf)_mm512_permutex2var_ps(_mm512_load_ps(piece), (__m512i)index, _mm512_load_ps(piece + 16));
 }
 
-#define BOX true
+#define BOX 1
 
 /* Four rows of four values. */
 static inline __m512 plane_f32(const float *at, size_t row)

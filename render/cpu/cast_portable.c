@@ -209,7 +209,7 @@ static inline vf pick_piece(const float *piece, vi index)
 	return all(piece[0]);
 }
 
-#define BOX false /* nothing here can look up so many voxels in registers */
+#define BOX 0 /* nothing here can look up so many voxels in registers */
 static inline void box_corners(unsigned boxes, const uint8_t *brick, const float low[4], const float along[4], float at,
 			       float each, const vf whole[3], uint32_t stored, vf corner[8])
 {
