@@ -1,7 +1,7 @@
 /*
  * tests/bench/cast.c: speed of the native ray caster on the work of cast_scene.h, against VTK's fixed-point ray caster
- * (Debian's python3-vtk9, run as a program; SKIP without) and against what this machine's gathers allow; frames of all in
- * turn, so that what else the machine does meets all alike. make bench-cast, or: cast [--json] [--rounds N] [--gpu]
+ * (Debian's python3-vtk9, run as a program; SKIP without) and against what this machine's gathers allow; frames of all
+ * in turn, so that what else the machine does meets all alike. make bench-cast, or: cast [--json] [--rounds N] [--gpu]
  */
 #include <math.h>
 #include <unistd.h>
@@ -80,7 +80,8 @@ static void vtk_start(void)
 		dup2(from[1], 1);
 		close(to[1]);
 		close(from[0]);
-		execlp("xvfb-run", "xvfb-run", "-a", "/usr/bin/python3", "tests/bench/cast_vtk.py", VALUES_PATH, (char *)NULL);
+		execlp("xvfb-run", "xvfb-run", "-a", "/usr/bin/python3", "tests/bench/cast_vtk.py", VALUES_PATH,
+		       (char *)NULL);
 		_exit(127);
 	}
 	close(to[0]);
@@ -109,8 +110,10 @@ static struct bb_layer layer_of(const struct row *r, const struct cover *c)
 {
 	const double edge = SCENE_EDGE * SCENE_METRES;
 
-	return (struct bb_layer){ &c->atlas, &bench.transfer[r->sparse],
-				  { { { 0, 0, 0 }, { 1, 0, 0, 0 } }, { edge, edge, edge } }, bench.volume };
+	return (struct bb_layer){ &c->atlas,
+				  &bench.transfer[r->sparse],
+				  { { { 0, 0, 0 }, { 1, 0, 0, 0 } }, { edge, edge, edge } },
+				  bench.volume };
 }
 
 static double draw_ms(struct bb_renderer *renderer, const struct row *r, const struct cover *c, struct bb_image *image)
@@ -139,7 +142,9 @@ static struct cover *cover_for(const struct row *r)
 /* Filled is the work itself: every sample of every ray. Sparse is what a room does: all switches as they are. */
 static void prepare(struct row *r)
 {
-	const struct bb_renderer_cpu_options o = { .kernel = "auto", .threads = r->threads, .no_early_exit = !r->sparse,
+	const struct bb_renderer_cpu_options o = { .kernel = "auto",
+						   .threads = r->threads,
+						   .no_early_exit = !r->sparse,
 						   .no_skipping = !r->sparse,
 						   .order = r->order ? bench.order[r->order] : NULL,
 						   .n_order = SCENE_IMAGE * SCENE_IMAGE };
@@ -175,7 +180,8 @@ static int by_brick(const void *a, const void *b)
 	return p_tile < q_tile ? -1 : p_tile > q_tile ? 1 : p < q ? -1 : p > q;
 }
 
-/* By chance, as a frameless renderer draws; by brick: a sixteenth of those at a time, put in order of where they go in. */
+/* By chance, as a frameless renderer draws; by brick: a sixteenth of those at a time, put in order of where they go in.
+ */
 static void make_orders(void)
 {
 	const uint32_t n = SCENE_IMAGE * SCENE_IMAGE;
@@ -256,16 +262,19 @@ static void print_all(double samples, const struct gather_rate *g)
 	}
 	print_ratio("filled, 2 threads, against VTK fixed-point", "vtk filled, 2 threads", "filled, 2 threads", 12, 20);
 	print_ratio("filled, 1 thread, against VTK fixed-point", "vtk filled, 1 thread", "filled, 1 thread", 12, 20);
-	print_ratio("filled, 2 threads, against VTK GPU on llvmpipe", "vtk gpu filled, 2 threads", "filled, 2 threads", 7, 10);
+	print_ratio("filled, 2 threads, against VTK GPU on llvmpipe", "vtk gpu filled, 2 threads", "filled, 2 threads",
+		    7, 10);
 	print_ratio("sparse, 1 thread, against VTK fixed-point", "vtk sparse, 1 thread", "sparse, 1 thread", 10, 20);
 	print_ratio("sparse, 2 threads, against VTK fixed-point", "vtk sparse, 2 threads", "sparse, 2 threads", 10, 20);
 	print_ratio("two threads against one", "filled, 1 thread", "filled, 2 threads", 1.75, 1.9);
-	print_ratio("rays by chance (4 KiB pages) against tiles", "rays by chance, 4 KiB pages", "filled, 1 thread", 0, 0);
+	print_ratio("rays by chance (4 KiB pages) against tiles", "rays by chance, 4 KiB pages", "filled, 1 thread", 0,
+		    0);
 	print_ratio("rays by chance (2 MiB pages) against tiles", "rays by chance", "filled, 1 thread", 0, 0);
 	print_ratio("rays by brick (2 MiB pages) against tiles", "rays by brick", "filled, 1 thread", 0, 0);
 	printf(bench.json ? "\n  ],\n  \"gathers_per_s\": %.0f, \"arithmetic_samples_per_s\": %.0f, \"ceiling\": %.0f, "
 			    "\"share_of_ceiling\": %.3f\n}\n"
-			  : "gathers %.0f/s, arithmetic %.0f samples/s: ceiling %.0f samples/s a thread; share %.2f (must 0.65, "
+			  : "gathers %.0f/s, arithmetic %.0f samples/s: ceiling %.0f samples/s a thread; share %.2f "
+			    "(must 0.65, "
 			    "goal 0.85)\n",
 	       g->gathers_per_s, g->samples_per_s, ceiling, ours / ceiling);
 }

@@ -54,7 +54,8 @@ __attribute__((target("avx512f,avx512dq,fma"))) static inline double arithmetic_
 			const __m512 p = _mm512_fmadd_ps(t, stride, _mm512_set1_ps((float)a));
 			const __m512 whole = _mm512_roundscale_ps(p, 11);
 			part[a] = _mm512_sub_ps(p, whole);
-			in = _mm512_add_epi32(_mm512_mullo_epi32(in, _mm512_set1_epi32(34)), _mm512_cvttps_epi32(whole));
+			in = _mm512_add_epi32(_mm512_mullo_epi32(in, _mm512_set1_epi32(34)),
+					      _mm512_cvttps_epi32(whole));
 		}
 		for (int k = 0; k < 8; k++)
 			v[k] = _mm512_castsi512_ps(_mm512_and_si512(in, _mm512_set1_epi32(0x3F000000 + k)));
