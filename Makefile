@@ -187,6 +187,10 @@ bench-volume: all
 bench-gl: $B/tests/bench_gl
 	@$<
 
+# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --gpu"
+bench-cast: $B/tests/bench/cast
+	@$< $(ARGS)
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -222,5 +226,6 @@ help:
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench bench-volume bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
--include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)
+-include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

@@ -48,11 +48,11 @@ struct bb_cast_table {
 	 * the lowest 16 bits. The one behind the last is nothing. */
 	uint64_t *entry;
 	size_t n, n_levels;
-	/* [up]: colour (not premultiplied) and opacity as BB_CAST_PIECES straight pieces, where that is as good: at x pieces
-	 * it is from + by * x. */
+	/* [up]: colour (not premultiplied) and opacity as BB_CAST_PIECES straight pieces, where that is as good: at x
+	 * pieces it is from + by * x. */
 	struct bb_cast_pieces {
 		float from[4][BB_CAST_PIECES], by[4][BB_CAST_PIECES];
-	} *pieces;
+	} * pieces;
 	bool smooth; /* it is, on all levels */
 	struct bb_transfer transfer;
 	double step_voxels;
@@ -64,9 +64,9 @@ struct bb_cast { /* of one picture; constant while it is drawn */
 	const struct bb_atlas *atlas;
 	const struct bb_cast_space *space;
 	const struct bb_cast_table *table;
-	bool by_level; /* longer steps in coarser bricks */
-	float per_edge;        /* 1 / edge */
-	float opaque;  /* transmittance that ends a ray; below 0: none does */
+	bool by_level;  /* longer steps in coarser bricks */
+	float per_edge; /* 1 / edge */
+	float opaque;   /* transmittance that ends a ray; below 0: none does */
 	const uint32_t
 		*order; /* NULL: packets of neighbours; pixels, BB_CAST_RAYS to a packet, to be drawn in this order */
 };

@@ -195,11 +195,19 @@ static inline vf pick_piece(const float *piece, vi index)
 	return all(piece[0]);
 }
 
-#define BOX false /* nothing here can look up so many voxels in registers */
-static inline void box_corners(unsigned boxes, const uint8_t *brick, const float low[4], const float along[4], float at,
-			       float each, const vf whole[3], uint32_t stored, vf corner[8])
+#define BOX 0 /* nothing here can look up so many voxels in registers */
+struct box {
+	char none;
+};
+static inline void boxes_at(unsigned boxes, const uint8_t *brick, const float low[4], const float along[4], float at,
+			    float each, uint32_t stored, struct box out[2])
 {
-	(void)boxes, (void)brick, (void)low, (void)along, (void)at, (void)each, (void)whole, (void)stored, (void)corner;
+	(void)boxes, (void)brick, (void)low, (void)along, (void)at, (void)each, (void)stored, (void)out;
+}
+
+static inline void box_corners(unsigned boxes, const struct box box[2], const vf whole[3], vf corner[8])
+{
+	(void)boxes, (void)box, (void)whole, (void)corner;
 }
 
 static inline unsigned floats_begin(void)

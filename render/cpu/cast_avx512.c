@@ -197,7 +197,7 @@ static inline vf pick_piece(const float *piece, vi index) /* of 32, aligned; ind
 	return (vf)_mm512_permutex2var_ps(_mm512_load_ps(piece), (__m512i)index, _mm512_load_ps(piece + 16));
 }
 
-#define BOX true
+#define BOX 1
 
 /* Four rows of four values. */
 static inline __m512 plane_f32(const float *at, size_t row)
@@ -244,33 +244,37 @@ static inline __attribute__((always_inline)) void look_up(const struct box *b, _
 	}
 }
 
-/*
- * The corners of all lanes' cells out of 4^3 voxels in four registers: a few loads, and permutations, which are many
- * times as fast as gathers. Two boxes: the lanes' second half lies too far ahead and has one of its own.
- */
-static inline __attribute__((always_inline)) void box_corners(unsigned boxes, const uint8_t *brick, const float low[4],
-							      const float along[4], float at, float each,
-							      const vf whole[3], uint32_t stored, vf corner[8])
+/* Two boxes: the lanes' second half lies too far ahead and has one of its own. */
+static inline __attribute__((always_inline)) void boxes_at(unsigned boxes, const uint8_t *brick, const float low[4],
+							   const float along[4], float at, float each, uint32_t stored,
+							   struct box out[2])
 {
-	const float deep = each * (boxes == 1 ? 3 : 1);
 	const __m128 by = _mm_loadu_ps(along);
 	/* The least of the first and the last of a ray's lanes. */
 	const __m128 p = _mm_fmadd_ps(_mm_set1_ps(at), by, _mm_loadu_ps(low));
-	const __m128 back = _mm_min_ps(_mm_setzero_ps(), _mm_mul_ps(by, _mm_set1_ps(deep)));
+	const __m128 back = _mm_min_ps(_mm_setzero_ps(), _mm_mul_ps(by, _mm_set1_ps(each * (boxes == 1 ? 3 : 1))));
 	const __m128 from = _mm_add_ps(p, back);
+
+	out[0] = box_at(brick, from, stored);
+	if (boxes == 2)
+		out[1] = box_at(brick, _mm_fmadd_ps(_mm_set1_ps(2 * each), by, from), stored);
+}
+
+/*
+ * The corners of all lanes' cells out of 4^3 voxels in four registers: a few loads, and permutations, which are many
+ * times as fast as gathers.
+ */
+static inline __attribute__((always_inline)) void box_corners(unsigned boxes, const struct box box[2],
+							      const vf whole[3], vf corner[8])
+{
 	const __m512i in = (__m512i)to_int(fused(whole[2], all(16), fused(whole[1], all(4), whole[0])));
-	const struct box near = box_at(brick, from, stored);
 	__m512 out[8], ahead[8];
 
-	look_up(&near, in, out);
-	if (boxes == 2) {
-		const struct box far = box_at(brick, _mm_fmadd_ps(_mm_set1_ps(2 * each), by, from), stored);
-		look_up(&far, in, ahead);
-		for (int k = 0; k < 8; k++)
-			out[k] = _mm512_mask_blend_ps(0xFF00, out[k], ahead[k]);
-	}
+	look_up(&box[0], in, out);
+	if (boxes == 2)
+		look_up(&box[1], in, ahead);
 	for (int k = 0; k < 8; k++)
-		corner[k] = (vf)out[k];
+		corner[k] = (vf)(boxes == 2 ? _mm512_mask_blend_ps(0xFF00, out[k], ahead[k]) : out[k]);
 }
 
 static inline unsigned floats_begin(void)

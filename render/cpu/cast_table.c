@@ -11,7 +11,7 @@
 
 #define LEAST_ENTRIES 1024 /* 8 KiB: stays in the nearest cache */
 #define MOST_ENTRIES 65536
-#define PIECE_ERROR 1e-3 /* of the opacity; of a colour */
+#define PIECE_ERROR 1e-3        /* of the opacity; of a colour */
 #define ERROR_MOST (1.0 / 4096) /* of a sample, by taking the nearest entry */
 
 static bool same_transfer(const struct bb_transfer *a, const struct bb_transfer *b)

@@ -1,7 +1,7 @@
 /*
- * tests/bench/cast_scene.h: the work on which ray casters are measured: 256^3 values of three growing shells with a bright
- * side each and some smooth noise, one camera, a transfer function that shows everything a little ("filled") and one that
- * shows a fiftieth of the voxels ("sparse"). cast_vtk.py draws the same.
+ * tests/bench/cast_scene.h: the work on which ray casters are measured: 256^3 values of three growing shells with a
+ * bright side each and some smooth noise, one camera, a transfer function that shows everything a little ("filled") and
+ * one that shows a fiftieth of the voxels ("sparse"). cast_vtk.py draws the same.
  */
 #ifndef BB_TESTS_BENCH_CAST_SCENE_H
 #define BB_TESTS_BENCH_CAST_SCENE_H
@@ -60,8 +60,12 @@ static inline struct bb_volume *scene_volume(void)
 
 	if (!v || !to)
 		abort();
-	*v = (struct bb_volume){ .name = "shells", .dim = { SCENE_EDGE, SCENE_EDGE, SCENE_EDGE }, .n_steps = 1,
-				 .spacing_mm = { 1, 1, 1 }, .most = 1, .values = to };
+	*v = (struct bb_volume){ .name = "shells",
+				 .dim = { SCENE_EDGE, SCENE_EDGE, SCENE_EDGE },
+				 .n_steps = 1,
+				 .spacing_mm = { 1, 1, 1 },
+				 .most = 1,
+				 .values = to };
 	for (int z = 0; z < SCENE_EDGE; z++)
 		for (int y = 0; y < SCENE_EDGE; y++)
 			for (int x = 0; x < SCENE_EDGE; x++)
