@@ -302,7 +302,7 @@ static inline struct bb_image scene_picture(struct bb_renderer *r, const struct 
 	return image;
 }
 
-/* All ten views by a back end and by the reference: the worst of them. */
+/* All ten views by a back end and by the reference (or another that was judged before): the worst of them. */
 static inline double scene_worst_db(struct bb_renderer *r, struct bb_renderer *reference, const struct scene *s,
 				    const char *name)
 {
@@ -314,7 +314,7 @@ static inline double scene_worst_db(struct bb_renderer *r, struct bb_renderer *r
 		struct bb_image a = scene_picture(r, s, i, 0.5, false, &own);
 		struct bb_image b = scene_picture(reference, s, i, 0.5, false, &ref);
 		assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
-		printf("%s, view %d: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, reference %.1f Ms/s\n", name, i,
+		printf("%s, view %d: %.1f dB over %lu pixels, most %u/255; %.0f Ms/s, the judge %.1f Ms/s\n", name, i,
 		       d.psnr_db, (unsigned long)d.n_pixels, d.most,
 		       (double)ref.samples * 1e3 / (double)own.elapsed_ns,
 		       (double)ref.samples * 1e3 / (double)ref.elapsed_ns);

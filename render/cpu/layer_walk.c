@@ -143,27 +143,33 @@ static void take_brick(const struct bb_layer_walk *w, const uint32_t cell[3], co
 	w->layer->kernel->sample(&brick, into, per_leaf, off, n, out);
 }
 
+static void take_map(const struct bb_layer_walk *w, unsigned shown, const uint32_t cell[3],
+		     float into[3][BB_LAYER_ROOM], uint32_t n, float *out)
+{
+	const struct bb_atlas_cell *e = &w->layer->atlas->map[shown][index_of(w->layer->atlas, cell)];
+
+	if (e->slot >= 0) {
+		take_brick(w, cell, e, into, n, out);
+		return;
+	}
+	for (uint32_t k = 0; k < n; k++)
+		out[k] = e->value > 0 ? (e->value < 1 ? e->value : 1) : 0;
+}
+
 /* Values of the batch's samples from `from` on, which lie at `into` one cell, voxels of the leaves from its corner. */
 static void take_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32_t from,
 			float into[3][BB_LAYER_ROOM])
 {
-	const struct bb_layer_ready *l = w->layer;
-	const struct bb_atlas *atlas = l->atlas;
+	const struct bb_atlas *atlas = w->layer->atlas;
 	const uint32_t n = w->n - from;
-	const size_t index = index_of(atlas, cell);
-	float value[BB_LAYER_ROOM];
+	float *value = w->value + from, second[BB_LAYER_ROOM] = { 0 };
 
-	for (unsigned shown = 0; shown < atlas->n_shown; shown++) {
-		const struct bb_atlas_cell *e = &atlas->map[shown][index];
-		float *to = shown ? value : w->value + from;
-		if (e->slot >= 0)
-			take_brick(w, cell, e, into, n, to);
-		else
-			for (uint32_t k = 0; k < n; k++)
-				to[k] = e->value > 0 ? (e->value < 1 ? e->value : 1) : 0;
-	}
-	for (uint32_t k = 0; k < n && atlas->n_shown > 1; k++)
-		w->value[from + k] += (value[k] - w->value[from + k]) * atlas->mix;
+	take_map(w, 0, cell, into, n, value);
+	if (atlas->n_shown < 2)
+		return;
+	take_map(w, 1, cell, into, n, second);
+	for (uint32_t k = 0; k < n; k++)
+		value[k] += (second[k] - value[k]) * atlas->mix;
 }
 
 /* Where other levels reach into the cell, values are put together point by point. */
