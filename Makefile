@@ -70,6 +70,8 @@ $B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
+# Their short loops must be unrolled, or vectors live in memory.
+$B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o: ALL_CFLAGS += -O3
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
@@ -121,7 +123,8 @@ $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburs
 
 # Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
-FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c,$(SRC))
+FUZZ_SRC := $(filter hal/% drivers/% sim/% render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
+            tree.c stats.c values.c crc32c.c),$(SRC))
 FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
             drivers/monitor_ddc.c sim/peer_shutter.c
 fuzz: fuzz-build
@@ -146,7 +149,7 @@ check-hw: $B/tests/hw_room
 	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
 # What runs threads: casters, the brick reader, the brick builder. (make SAN=thread check-threads)
-THREADED := $B/tests/test_reference $B/tests/test_stream $B/tests/test_bricks $B/tests/test_cpu
+THREADED := $B/tests/test_reference $B/tests/test_stream $B/tests/test_bricks $B/tests/test_bricks_read $B/tests/test_cpu
 check-threads: $(THREADED)
 	@tests/run.sh $(THREADED)
 
@@ -173,6 +176,12 @@ lint:
 
 bench: all
 	build/blackburst bench --out build/bench.json
+	@$(MAKE) --no-print-directory bench-volume
+
+# Minutes, and GIB x 3.2 of disk (GIB=0: without the large one); no room on the disk is said and is no failure.
+GIB ?= 16
+bench-volume: all
+	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
@@ -212,6 +221,7 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
+        bench bench-volume fuzz fuzz-build fuzz-programs install uninstall format clean help
         bench bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

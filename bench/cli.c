@@ -283,6 +283,18 @@ enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double 
 	return BB_OK;
 }
 
+bool bb_cli_numbers(const char *text, char sign, double *out, int n)
+{
+	for (int i = 0; i < n; i++) {
+		char *end;
+		out[i] = strtod(text, &end);
+		if (end == text || *end != (i + 1 < n ? sign : '\0'))
+			return false;
+		text = end + 1;
+	}
+	return true;
+}
+
 static int exit_code_of(enum bb_status status)
 {
 	switch (status) {

@@ -42,6 +42,8 @@ const char *bb_cli_get(const struct bb_cli *cli, const char *name, const char *f
 const char *bb_cli_nth(const struct bb_cli *cli, const char *name, int i);
 BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double fallback, double least,
                                            double most, double *out, struct bb_error *err);
+/* n numbers with a sign between them, "64x64x32", and nothing else; false otherwise. */
+bool bb_cli_numbers(const char *text, char sign, double *out, int n);
 /* Prints err on standard error and returns the exit code for status. */
 int bb_cli_fail(enum bb_status status, const struct bb_error *err);
 
@@ -60,7 +62,7 @@ const char *bb_revision(void);
 
 /* Every command: one file bench/cmd/<name>.c each, listed in bench/main.c. */
 extern const struct bb_command bb_cmd_run, bb_cmd_room_check, bb_cmd_room_draw, bb_cmd_devices, bb_cmd_doctor,
-	bb_cmd_bench, bb_cmd_compare, bb_cmd_trade, bb_cmd_serve, bb_cmd_volume_build, bb_cmd_volume_info,
-	bb_cmd_volume_verify;
+	bb_cmd_bench, bb_cmd_compare, bb_cmd_trade, bb_cmd_serve, bb_cmd_volume_generate, bb_cmd_volume_build,
+	bb_cmd_volume_info, bb_cmd_volume_verify, bb_cmd_volume_speed, bb_cmd_volume_tables, bb_cmd_volume_select;
 
 #endif

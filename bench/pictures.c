@@ -1,5 +1,7 @@
 #include "bench/pictures.h"
 
+#include "render/levels.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -105,6 +107,35 @@ static enum bb_status paint(struct bb_pictures *p, const struct bb_view *view, c
 	return status;
 }
 
+/* Beside what the first eye sees: how fine it is. */
+static enum bb_status take_levels(struct bb_pictures *p, const struct bb_view *view, const struct bb_stream *stream,
+                                  const struct bb_picture_result *eye, struct bb_error *err)
+{
+	const struct bb_layer layer = bb_stream_layer(stream);
+	struct bb_picture_result *r = &p->taken[p->n];
+	struct bb_image image;
+	char path[BB_PATH_MAX_BYTES];
+
+	if (p->n == PICTURES_CAP)
+		return BB_OK;
+	*r = *eye;
+	r->psnr_db = (double)NAN;
+	r->identical = false;
+	r->rays = r->samples = 0;
+	snprintf(r->eye, sizeof(r->eye), "levels");
+	snprintf(r->file, sizeof(r->file), "%s-levels-%06.2fs.png", r->wall, r->at_s);
+	enum bb_status status = bb_image_create(r->width, r->height, &image);
+	if (status != BB_OK)
+		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", r->width, r->height);
+	status = bb_levels_draw(view, &layer, &image);
+	snprintf(path, sizeof(path), "%s/%s", p->config.dir, r->file);
+	if (status == BB_OK)
+		status = bb_image_write_png(&image, path, err);
+	bb_image_release(&image);
+	p->n += status == BB_OK;
+	return status;
+}
+
 enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned eye, unsigned n_eyes,
                                 const struct bb_view *view, const struct bb_stream *stream,
                                 const struct bb_vec3 *cursor, struct bb_error *err)
@@ -134,9 +165,13 @@ enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned
 		status = bb_image_write_png(&image, path, err);
 	}
 	bb_image_release(&image);
-	if (status == BB_OK)
-		p->n++;
-	return status;
+	if (status != BB_OK)
+		return status;
+	p->n++;
+	if (!stream || !p->config.dir || !p->config.scene->pictures.levels || eye)
+		return BB_OK;
+	const struct bb_picture_result first = *r;
+	return take_levels(p, view, stream, &first, err);
 }
 
 size_t bb_pictures_count(const struct bb_pictures *p, const struct bb_picture_result **out)

@@ -183,7 +183,10 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 		               .rig = &w->rig, .world = w->world, .ledger = w->run->result->ledger,
 		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
 		               .renderer = w->renderer, .bricks = w->bricks,
-		               .transfer = w->bricks ? &w->transfer : NULL, .draw_everything = w->o->posix_clock };
+		               .transfer = w->bricks ? &w->transfer : NULL, .draw_everything = w->o->posix_clock,
+		               .start = { w->run->room->neutral, BB_QUAT_IDENTITY } };
+	if (w->head)
+		l->start = bb_path_at(w->head, 0);
 	enum bb_status status = bb_loop_create(l, err);
 	if (status == BB_OK && w->world)
 		status = sim_faults_plant(w->world, w->o->faults, w->o->n_faults, l->frame_ns, err);

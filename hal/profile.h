@@ -17,6 +17,8 @@ struct bb_profile {
 	double per_brick_ns;         /* per brick uploaded */
 	double per_byte_ns;          /* per byte uploaded */
 	double track_ns;             /* blobs of one frame to a pose */
+	double disk_read_ns;         /* per brick read from the disk */
+	double disk_byte_ns;         /* per byte of it */
 	double select_per_brick_ns;  /* per brick looked at by the selection */
 };
 

@@ -22,14 +22,20 @@ struct bb_scene {
 	enum bb_technique technique;
 	struct { /* technique volume */
 		char file[BB_PATH_MAX_BYTES]; /* "" with generate set */
-		char generate[BB_ID_MAX];     /* "cme" */
+		char generate[BB_ID_MAX];     /* "cme", "enlil", "delta", "wing", "shock" */
 		int64_t edge_voxels, steps;   /* of a generated one */
+		uint32_t dim[3];              /* of a generated one that is no cube; else 0 */
 		double seconds_per_step;
 		enum bb_loop loop;
 		double width_m;               /* longest edge of the volume in the room */
 		struct bb_vec3 centre_m;      /* of the volume in the room */
 		double yaw_deg, pitch_deg, roll_deg;
 		double step_voxels;           /* sampling distance along a ray */
+		int64_t brick_voxels;         /* what is no brick file yet becomes one of such bricks */
+		int values;                   /* enum bb_brick_type of them */
+		int gain;                     /* enum bb_gain_method: what a finer brick is worth */
+		bool occlusion;               /* what is hidden is worth less */
+		bool predict;                 /* bricks are read for the steps ahead */
 	} data;
 	char transfer_function[BB_PATH_MAX_BYTES];
 	char head_path[BB_PATH_MAX_BYTES];
@@ -47,6 +53,7 @@ struct bb_scene {
 		char wall[BB_ID_MAX];             /* when not all */
 		int eyes;                         /* bit 0 left, bit 1 right */
 		double scale;                     /* of the screen's pixels */
+		bool levels;                      /* one more a wall, in the colours of its bricks' levels */
 	} pictures;
 };
 

@@ -49,6 +49,10 @@ for codec in lz4 zstd; do
 	check "$codec verifies" "$program" volume verify "$work/$codec.bricks"
 	check "$codec is smaller" [ "$(stat -c %s "$work/$codec.bricks")" -lt "$(($(stat -c %s "$work/a.bricks") / 2))" ]
 done
+"$program" volume speed "$work/a.bricks" --mib 4 --rounds 3 --depth 2 --json >"$work/speed.json"
+check "its speed is told, beside memcpy" [ "$(field "$work/speed.json" \
+	'min(r["ratio"] for r in r["rows"]) > 0, [x["against"] for x in r["rows"]].count("memcpy") >= 8')" = "(True, True)" ]
+check "and of packed bricks" "$program" volume speed "$work/lz4.bricks" --mib 4 --rounds 1 --threads 1 --depth 1
 printf 'x' | dd of="$work/a.bricks" bs=1 seek=5000 conv=notrunc 2>/dev/null
 check "a damaged brick is named" damaged
 head -c 100000 "$work/lz4.bricks" >"$work/short.bricks"
@@ -58,6 +62,20 @@ check "a wrong edge is refused" refused 1442 build --generate cme --brick 7 --ou
 check "a small cap is said" refused 1447 build --generate cme --memory 1 --out "$work/b.bricks"
 check "no input is refused" refused 1701 build --out "$work/b.bricks"
 check "and leaves nothing" [ -z "$(ls "$work"/b.* 2>/dev/null)" ]
+check "a made spherical grid" "$program" volume build --generate enlil --dim 32x24x40 --steps 2 --brick 8 --seed 5 --quiet \
+	--out "$work/e.bricks"
+"$program" volume info "$work/e.bricks" | tail -n +2 >"$work/e.info"
+check "its extents are shown" sh -c '"$1" volume info "$2" | grep -q "^r 0.1 .. 1.7, theta .* radians, all the way round"' \
+	x "$program" "$work/e.bricks"
+"$program" volume info "$work/e.bricks" --json >"$work/info.json"
+check "and given to programs" [ "$(field "$work/info.json" 'r["extent"]["wraps"], r["extent"]["r"]')" = "(True, [0.1, 1.7])" ]
+check "voxels are written" "$program" volume generate enlil --dim 32x24x40 --steps 2 --seed 5 --quiet --out "$work/e.hdr.txt"
+check "and built to the same bricks" "$program" volume build "$work/e.hdr.txt" --brick 8 --quiet --out "$work/f.bricks"
+check "of the same grid" sh -c '"$1" volume info "$2" | tail -n +2 | cmp - "$3"' x "$program" "$work/f.bricks" \
+	"$work/e.info"
+check "half a turn has two faces" sh -c '"$1" volume build --generate shock --dim 16x16x16 --steps 1 --brick 8 --quiet \
+	--spherical 1:2:0.5:2.5:0:3 --out "$2" && ! "$1" volume info "$2" | grep -q "all the way"' x "$program" "$work/h.bricks"
+check "an unknown generator is refused" refused 1430 build --generate smoke --out "$work/b.bricks"
 check "an interrupt keeps what is done" interrupted
 check "and it goes on" gone_on_with
 finish

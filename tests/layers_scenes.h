@@ -167,6 +167,45 @@ static inline struct bb_volume *scene_ball_volume(const uint32_t dim[3], const d
 
 /* ---- scenes ---- */
 
+static inline uint32_t scene_hash(uint32_t x, uint32_t y, uint32_t z)
+{
+	uint32_t h = x * 0x9E3779B1U ^ y * 0x85EBCA77U ^ z * 0xC2B2AE3DU;
+
+	h = (h ^ h >> 15) * 0x2C1B3C6DU;
+	return h ^ h >> 13;
+}
+
+/* Levels as a cut through a tree has them: some bricks 2 above the leaves, some 1, the rest leaves. */
+static inline uint32_t scene_levels(const uint32_t cell[3], void *ctx)
+{
+	(void)ctx;
+	if (scene_hash(cell[0] >> 2, cell[1] >> 2, cell[2] >> 2) % 4 == 0)
+		return 2;
+	return scene_hash(cell[0] >> 1, cell[1] >> 1, (cell[2] >> 1) + 77) % 2;
+}
+
+/* Any level anywhere, as no tree would cut it. */
+static inline uint32_t scene_patches(const uint32_t cell[3], void *ctx)
+{
+	(void)ctx;
+	return scene_hash(cell[0], cell[1], cell[2]) % 3;
+}
+
+/* A third of the cells of every level are of one value each. */
+static inline void scene_flatten(struct scene *s, size_t layer)
+{
+	const struct bb_atlas *a = &s->cover[layer]->atlas;
+	const size_t n = (size_t)a->grid[0] * a->grid[1] * a->grid[2];
+
+	for (unsigned shown = 0; shown < 2; shown++)
+		for (size_t i = 0; i < n; i++) {
+			struct bb_atlas_cell *c = &s->cover[layer]->map[shown][i];
+			const uint32_t h = scene_hash((uint32_t)i, shown < a->n_shown ? shown : 0, 5);
+			if (h % 3 == 0)
+				*c = (struct bb_atlas_cell){ BB_ATLAS_FLAT, c->up, (float)(h >> 8 & 255) / 255 };
+		}
+}
+
 static inline void scene_free(struct scene *s)
 {
 	for (size_t i = 0; i < s->n_layers; i++) {

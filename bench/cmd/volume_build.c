@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "bench/cli.h"
@@ -13,7 +14,8 @@
 
 static const struct bb_cli_option options[] = {
 	{ "out", "FILE", "the brick file (default: the first file's name with .bricks)" },
-	{ "generate", "cme", "no files: a generated sequence" },
+	{ "generate", "KIND", "no files: a generated sequence, cme, enlil, delta, wing or shock" },
+	{ "seed", "N", "of what is generated (default 1)" },
 	{ "dim", "XxYxZ", "its voxels (default 128x128x128)" },
 	{ "steps", "N", "its steps (default 8)" },
 	{ "brick", "N", "voxels along a brick's edge, even, 4 to 64 (default 32)" },
@@ -70,19 +72,6 @@ static enum bb_status bad(const struct bb_cli *cli, const char *name, struct bb_
 	return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--%s cannot be '%.60s'", name, bb_cli_get(cli, name, ""));
 }
 
-/* Numbers with a sign between them, all of them; false otherwise. */
-static bool numbers(const char *text, char sign, double *out, int n)
-{
-	for (int i = 0; i < n; i++) {
-		char *end;
-		out[i] = strtod(text, &end);
-		if (end == text || *end != (i + 1 < n ? sign : '\0'))
-			return false;
-		text = end + 1;
-	}
-	return true;
-}
-
 static bool read_type(const char *text, enum bb_brick_type *out)
 {
 	for (*out = 0; *out < BB_BRICK_TYPES; ++*out)
@@ -108,7 +97,7 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 	if (!read_codec(bb_cli_get(cli, "codec", "none"), &c->codec))
 		return bad(cli, "codec", err);
 	if (bb_cli_has(cli, "range")) {
-		if (!numbers(bb_cli_get(cli, "range", ""), ':', range, 2) || !(range[1] >= range[0]) ||
+		if (!bb_cli_numbers(bb_cli_get(cli, "range", ""), ':', range, 2) || !(range[1] >= range[0]) ||
 		    !(range[1] - range[0] < 1e300))
 			return bad(cli, "range", err);
 		c->has_range = true;
@@ -118,7 +107,7 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 	if (bb_cli_has(cli, "spherical")) {
 		const double *e = c->extent;
 		c->grid = BB_BRICK_SPHERICAL;
-		if (!numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
+		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
 		    !(e[3] > e[2] && e[5] > e[4] && e[1] < 1e12 && e[2] >= 0 && e[3] < 3.1416 && e[5] - e[4] < 6.2832))
 			return bad(cli, "spherical", err);
 	}
@@ -149,7 +138,7 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 				 struct bb_error *err)
 {
 	char folder[BB_PATH_MAX_BYTES];
-	double dim[3] = { 128, 128, 128 }, n_steps = 8;
+	double dim[3] = { 128, 128, 128 }, n_steps = 8, seed = 1;
 	enum bb_status status;
 
 	if (cli->n_args) {
@@ -159,7 +148,7 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 	}
 	if (!bb_cli_has(cli, "generate"))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "give the files of a sequence, or --generate");
-	if (!numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', dim, 3))
+	if (!bb_cli_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', dim, 3))
 		return bad(cli, "dim", err);
 	for (int a = 0; a < 3; a++)
 		if (!(dim[a] >= 1 && dim[a] <= 1 << 16))
@@ -168,23 +157,43 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 	if (status)
 		return status;
 	const uint32_t voxels[3] = { (uint32_t)dim[0], (uint32_t)dim[1], (uint32_t)dim[2] };
-	return bb_steps_generate(bb_cli_get(cli, "generate", ""), voxels, (uint32_t)n_steps, steps, err);
+	status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
+	if (!status)
+		status = bb_steps_generate(bb_cli_get(cli, "generate", ""), voxels, (uint32_t)n_steps, steps, err);
+	if (!status)
+		bb_steps_seed(*steps, (uint32_t)seed);
+	return status;
+}
+
+/* What the kernel says of this process: the most memory it ever had, libraries and all, and its threads' time. */
+static void what_it_took(double *resident_bytes, double *cpu_s)
+{
+	struct rusage use = { 0 };
+
+	(void)getrusage(RUSAGE_SELF, &use);
+	*resident_bytes = (double)use.ru_maxrss * 1024;
+	*cpu_s = (double)(use.ru_utime.tv_sec + use.ru_stime.tv_sec) +
+		 (double)(use.ru_utime.tv_usec + use.ru_stime.tv_usec) * 1e-6;
 }
 
 static int tell(const struct bb_cli *cli, const char *path, const struct bb_build_report *r, double took_s)
 {
+	double resident_bytes, cpu_s;
+
+	what_it_took(&resident_bytes, &cpu_s);
 	if (bb_cli_has(cli, "json")) {
-		json_t *j = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:b}", "file", path, "bricks",
+		json_t *j = json_pack("{s:s, s:I, s:I, s:I, s:I, s:I, s:I, s:I, s:f, s:f, s:b}", "file", path, "bricks",
 				      (json_int_t)r->n_bricks, "bytes", (json_int_t)r->result_bytes, "bytes_read",
 				      (json_int_t)r->bytes_read, "bytes_written", (json_int_t)r->bytes_written,
-				      "peak_bytes", (json_int_t)r->peak_bytes, "nonfinite_voxels",
-				      (json_int_t)r->n_nonfinite, "seconds", took_s, "resumed", r->resumed);
+				      "peak_bytes", (json_int_t)r->peak_bytes, "resident_bytes",
+				      (json_int_t)resident_bytes, "nonfinite_voxels", (json_int_t)r->n_nonfinite,
+				      "seconds", took_s, "cpu_seconds", cpu_s, "resumed", r->resumed);
 		return bb_cli_print_json(j);
 	}
-	printf("%s: %llu bricks, %.1f MiB in %.2f s; read %.1f MiB, wrote %.1f MiB, memory %.1f MiB%s\n", path,
-	       (unsigned long long)r->n_bricks, (double)r->result_bytes / 1048576, took_s,
+	printf("%s: %llu bricks, %.1f MiB in %.2f s; read %.1f MiB, wrote %.1f MiB, memory %.1f MiB (process %.1f)%s\n",
+	       path, (unsigned long long)r->n_bricks, (double)r->result_bytes / 1048576, took_s,
 	       (double)r->bytes_read / 1048576, (double)r->bytes_written / 1048576, (double)r->peak_bytes / 1048576,
-	       r->resumed ? "; went on with an earlier build" : "");
+	       resident_bytes / 1048576, r->resumed ? "; went on with an earlier build" : "");
 	if (r->n_nonfinite)
 		printf("%llu voxels were not finite and have the least value instead\n",
 		       (unsigned long long)r->n_nonfinite);

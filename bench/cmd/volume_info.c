@@ -151,6 +151,12 @@ static int info_json(const struct bb_bricks *b, const struct rating *rated)
 	for (uint32_t l = 0; l < h->tree.n_levels; l++)
 		json_array_append_new(levels, level_json(b, l));
 	json_object_set_new(root, "levels", levels);
+	if (h->grid == BB_BRICK_SPHERICAL) {
+		const double *e = h->extent;
+		json_object_set_new(root, "extent",
+				    json_pack("{s:[ff], s:[ff], s:[ff], s:b}", "r", e[0], e[1], "theta_rad", e[2], e[3],
+					      "phi_rad", e[4], e[5], "wraps", bb_bricks_wraps(h)));
+	}
 	if (rated)
 		json_object_set_new(root, "edit",
 				    json_pack("{s:f, s:f, s:f, s:f, s:I, s:I}", "table_ms", rated->table_ms, "rate_ms",
@@ -183,6 +189,10 @@ static int info(const struct bb_cli *cli)
 	       t->dim[2], t->n_steps, h->grid ? "spherical" : "Cartesian", h->least, h->most);
 	if (h->n_nonfinite)
 		printf(" (%llu not finite)", (unsigned long long)h->n_nonfinite);
+	if (h->grid == BB_BRICK_SPHERICAL)
+		printf("\nr %.6g .. %.6g, theta %.6g .. %.6g, phi %.6g .. %.6g radians%s", h->extent[0], h->extent[1],
+		       h->extent[2], h->extent[3], h->extent[4], h->extent[5],
+		       bb_bricks_wraps(h) ? ", all the way round" : "");
 	printf("\nbricks of %u^3 and %u around them, %s, codec %s; %llu in %u levels and %u time nodes\n\n", t->edge,
 	       h->pad, bb_brick_type_text(h->type), bb_brick_codec_text(h->codec), (unsigned long long)t->n_bricks,
 	       t->n_levels, t->n_times);
@@ -250,8 +260,8 @@ static int verify(const struct bb_cli *cli)
 		fprintf(stderr, "\r%20s\r", "");
 	bb_bricks_close(b);
 	if (bb_cli_has(cli, "json")) {
-		bb_cli_print_json(json_pack("{s:I, s:I, s:o}", "bricks", (json_int_t)n, "damaged", (json_int_t)damaged, "list",
-				     list));
+		bb_cli_print_json(json_pack("{s:I, s:I, s:o}", "bricks", (json_int_t)n, "damaged", (json_int_t)damaged,
+					    "list", list));
 	} else {
 		json_decref(list);
 		printf("%llu bricks, %llu damaged\n", (unsigned long long)n, (unsigned long long)damaged);

@@ -72,12 +72,23 @@ static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_mach
 	const struct bb_run_options *o = l->options;
 	const double mib = o->memory_mib >= 0 ? o->memory_mib : l->scene->memory_mib;
 	const int64_t bricks = (o->stream_bricks >= 0 ? o->stream_bricks : l->scene->stream_bricks_per_frame);
-	struct bb_stream_config c = { .bricks = l->bricks, .transfer = l->transfer, .gain = BB_GAIN_LEAF,
+	struct bb_stream_config c = { .bricks = l->bricks, .transfer = l->transfer, .gain = (enum bb_gain_method)l->scene->data.gain,
+		                      .occlusion = l->scene->data.occlusion,
+		                      .no_prediction = !l->scene->data.predict,
 		                      .placement = bb_loop_placement(l->scene, l->bricks),
 		                      .memory_bytes = (uint64_t)(mib * 1048576),
 		                      .bricks_per_frame = (uint32_t)(bricks ? bricks + o->plant_bricks : 0) };
 
-	return l->bricks ? bb_stream_create(&c, &n->stream, err) : BB_OK;
+	if (!l->bricks)
+		return BB_OK;
+	enum bb_status status = bb_stream_create(&c, &n->stream, err);
+	if (!status)
+		bb_node_fill(n);
+	if (!status)
+		status = l->draw_everything
+				 ? bb_stream_io_start(n->stream, &n->io)
+				 : bb_stream_disk_start(n->stream, n->profile.disk_read_ns, n->profile.disk_byte_ns, &n->disk);
+	return status;
 }
 
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks)
@@ -227,6 +238,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	l->send = (struct bb_timer){ .step = bb_head_send, .rank = 3 };
 	l->head_inbox = (struct bb_timer){ .step = bb_head_inbox, .rank = 3 };
 	l->deadline = (struct bb_timer){ .step = bb_head_deadline, .rank = 4 };
+	bb_streaming_begin(l);
 	if (l->rig->shutter)
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
 	take_slots(l);
@@ -250,6 +262,8 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		bb_clock_disarm(l->clk, &n->inbox);
 		bb_clock_disarm(l->clk, &n->ready);
 		bb_clock_disarm(l->clk, &n->hold);
+		bb_stream_io_stop(n->io);
+		bb_stream_disk_stop(n->disk);
 		bb_stream_destroy(n->stream);
 		free(n->screens);
 		free(n->views);

@@ -4,6 +4,7 @@
  *   head.c    begins a frame at the master display's vblank: cameras -> tracker -> pose at photon time; gamepads ->
  *             navigation; scene state to every node; swap barrier; release.
  *   node.c    on scene state: select, stream, draw (or cost the drawing); arrive; on release: present.
+ *   streaming.c  what every node asked of its disk and what that cost its frames.
  *   frames.c  what each frame did, closed into the ledger when its last flip is known.
  *   shutters.c, eyes of the room: edges -> phase, polarity.
  *
@@ -13,7 +14,7 @@
 #define BB_BENCH_LOOP_H
 
 #include "hal/profile.h"
-#include "render/stream/stream.h"
+#include "render/stream/io.h"
 #include "bench/ledger.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
@@ -53,7 +54,8 @@ struct bb_frame {
 	uint16_t last_flip_screen, late_screen, swapped_screen;
 	bool eyes_swapped;
 	uint32_t bricks_wanted, bricks_missing, bricks_loaded;
-	uint64_t bytes;
+	uint64_t bytes, deficit;
+	int64_t load_ns;                  /* the most a node spent on bricks */
 	unsigned view_flags;
 };
 
@@ -77,6 +79,15 @@ struct bb_node_machine { /* one node of the room */
 	uint16_t *screens;                /* indices into room->screens */
 	struct bb_profile profile;
 	struct bb_stream *stream;
+	struct bb_stream_io *io;          /* posix: its reader */
+	struct bb_stream_disk *disk;      /* virtual: the model of one */
+	int64_t draw_ns;                  /* of the last frame, without what was uploaded */
+	struct bb_stream_counts counts;   /* of the frame being drawn, */
+	int64_t load_ns;                  /* and what it spends on its bricks */
+	uint64_t waiting;                 /* bricks asked for and not here, */
+	int64_t arrived_ns;               /* and when one came last, or the first of them was asked for */
+	size_t stall;                     /* 1 + the warning that none come; 0: none */
+	bool failure_told;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
 	struct bb_timer inbox, ready, hold;
@@ -107,6 +118,7 @@ struct bb_frame_loop {
 	bool picture_frame;               /* this frame's pictures are wanted */
 	struct bb_image canvas;           /* posix: drawn into, grown to the largest screen at creation */
 
+	struct bb_pose start;             /* of the eyes, when the scene begins */
 	struct bb_rate frame_rate;        /* of the loop: refresh, or half of it when frame-sequential */
 	int64_t frame_ns, refresh_ns;     /* a frame may be two refreshes long */
 	unsigned n_eyes;
@@ -121,6 +133,7 @@ struct bb_frame_loop {
 	uint64_t closed;                  /* frames below this are closed */
 	struct bb_pose navigation;        /* room to world */
 	double steps, ahead[BB_AHEAD];    /* time in the data: now, and in so many times seconds_per_step */
+	int32_t way;                      /* it goes on, back, or stands still */
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
@@ -159,6 +172,7 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
+	int32_t way, none;
 };
 
 /* Between the loop's files. */
@@ -167,6 +181,8 @@ unsigned bb_loop_head(const struct bb_frame_loop *l);
 /* A message over the link; to itself a node speaks directly. */
 void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m);
 void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
+/* Time in the data, in steps, at a time of the scene. */
+double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
@@ -177,10 +193,15 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_node_fill(struct bb_node_machine *n);
 void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);
+void bb_streaming_begin(struct bb_frame_loop *l);
+void bb_streaming_frame(struct bb_node_machine *n, const struct bb_stream_counts *c, int64_t now_ns);
+bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t ready_ns);
+void bb_streaming_gather(const struct bb_frame_loop *l);
 void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns);
 void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);

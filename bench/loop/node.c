@@ -35,28 +35,45 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	}
 }
 
+/* Bricks that may still be uploaded before the deadline; one always may, or nothing would ever change. */
+static uint32_t bricks_in_time(const struct bb_node_machine *n)
+{
+	const struct bb_profile *p = &n->profile;
+	const double each_ns = p->per_brick_ns + p->per_byte_ns * (double)bb_stream_atlas(n->stream)->slot_bytes;
+	const double left_ns = (double)(n->loop->frame_ns - n->draw_ns);
+
+	if (!(each_ns > 0) || left_ns / each_ns > 1e9)
+		return UINT32_MAX;
+	return left_ns > each_ns ? (uint32_t)(left_ns / each_ns) : 1;
+}
+
 static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
 	struct bb_frame_loop *l = n->loop;
 	const struct bb_display_config *d = &l->room->screens[n->screens[0]].display;
+
+	if (!n->stream)
+		return (struct bb_stream_counts){ 0 };
 	const double step_ns = l->scene->data.seconds_per_step * 1e9;
 	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
 		                               .height_px = (uint32_t)d->height_px, .step = m->steps,
-		                               .step_voxels = l->scene->data.step_voxels, .ahead = m->ahead,
+		                               .step_voxels = l->scene->data.step_voxels, .way = m->way, .ahead = m->ahead,
 		                               .n_ahead = BB_AHEAD,
 		                               .ahead_frames = (uint32_t)(step_ns / (double)l->frame_ns) + 1,
-		                               .bricks_most = UINT32_MAX, .now_ns = bb_clock_now_ns(l->clk) };
+		                               .bricks_most = bricks_in_time(n), .now_ns = bb_clock_now_ns(l->clk) };
 	struct bb_stream_counts c = { 0 };
 
-	if (!n->stream)
-		return c;
+	if (n->disk)
+		bb_stream_disk_stall(n->disk, l->world && sim_world_node_stalled(l->world, n->index), frame.now_ns);
 	c = bb_stream_frame(n->stream, &frame);
 	if (f) {
 		f->bricks_wanted += c.drawn;
 		f->bricks_missing += c.missing;
 		f->bricks_loaded += c.loaded;
 		f->bytes += c.bytes;
+		f->deficit += c.deficit;
 	}
+	bb_streaming_frame(n, &c, frame.now_ns);
 	bb_result_count(l->result, "bricks_wanted", c.drawn);
 	bb_result_count(l->result, "bricks_missing", c.missing);
 	bb_result_count(l->result, "bricks_loaded", c.loaded);
@@ -110,6 +127,19 @@ static void draw_all(struct bb_node_machine *n)
 	}
 }
 
+/* What can be seen from where the viewer stands when the scene begins is read during bring-up. */
+void bb_node_fill(struct bb_node_machine *n)
+{
+	const struct bb_message m = { .eyes = n->loop->start, .navigation = BB_POSE_IDENTITY };
+	const struct bb_display_config *d = &n->loop->room->screens[n->screens[0]].display;
+
+	make_views(n, &m, NULL);
+	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
+		                               .height_px = (uint32_t)d->height_px, .bricks_most = UINT32_MAX,
+		                               .step_voxels = n->loop->scene->data.step_voxels };
+	(void)bb_stream_settle(n->stream, &frame);
+}
+
 /* The first draw compiles shaders and fills textures: that belongs to bring-up, not to the scene. */
 void bb_node_warm_up(struct bb_node_machine *n)
 {
@@ -135,11 +165,13 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
-	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn);
-	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) +
-	                   bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes);
+	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
+	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes) - n->draw_ns;
+	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn) + n->load_ns;
+	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns;
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
+		n->load_ns = c.loaded || c.arrived ? selected_ns - now_ns : 0;
 		draw_all(n);
 		ready_ns = bb_clock_now_ns(l->clk) + plant_ns(l, n, now_ns);
 	}
@@ -148,6 +180,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (f) {
 		f->node[n->index].received_ns = now_ns;
 		f->node[n->index].selected_ns = selected_ns;
+		f->load_ns = n->load_ns > f->load_ns ? n->load_ns : f->load_ns;
 	}
 	bb_eventlog_add(l->events, n->source, BB_EV_SELECT, now_ns, c.drawn, (int64_t)c.bytes);
 	if (bb_clock_arm(l->clk, &n->ready, ready_ns) != BB_OK)
@@ -164,8 +197,10 @@ int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (f) {
 		struct bb_node_times *t = &f->node[n->index];
 		t->ready_ns = scheduled_ns;
+		const bool by_bricks = bb_streaming_ready(n, t->received_ns, t->ready_ns);
 		const struct bb_sample s = { .value = (double)(t->ready_ns - t->received_ns) * 1e-6, .frame = n->frame,
-			                     .at_ns = now_ns, .node = n->index, .stage = BB_STAGE_DRAW };
+			                     .at_ns = now_ns, .node = n->index,
+			                     .stage = by_bricks ? BB_STAGE_SELECT : BB_STAGE_DRAW };
 		bb_ledger_sample(l->ledger, BB_METRIC_FRAME, &s);
 		bb_eventlog_add(l->events, n->source, BB_EV_DRAW, now_ns, (int64_t)n->frame,
 		                t->ready_ns - t->selected_ns);

@@ -19,6 +19,8 @@ static const struct bb_option options[] = {
 	COST(per_byte_ns, "per byte uploaded"),
 	COST(track_ns, "blobs of one frame to a pose"),
 	COST(select_per_brick_ns, "per brick looked at by the selection"),
+	BB_OPT_F64(struct bb_profile, disk_read_ns, 0, 0, 1e9, "per brick read from the disk"),
+	BB_OPT_F64(struct bb_profile, disk_byte_ns, 0, 0, 1e9, "per byte read from the disk"),
 	BB_OPT_END
 };
 

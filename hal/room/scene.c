@@ -27,7 +27,7 @@ static const struct bb_option top_options[] = {
 
 static const struct bb_option data_options[] = {
 	TEXT("file", data.file, false, "volume: .nii, .nii.gz or .hdr.txt"),
-	TEXT("generate", data.generate, false, "a made volume instead: cme"),
+	TEXT("generate", data.generate, false, "a made volume instead: cme, enlil, delta, wing or shock"),
 	{ "edge_voxels", BB_OPT_TYPE_I64, S(data.edge_voxels), 0, 64, 8, 1024, 1, NULL, false, "of a made volume" },
 	{ "steps", BB_OPT_TYPE_I64, S(data.steps), 0, 1, 1, 1000, 1, NULL, false, "of a made volume" },
 	F64("seconds_per_step", data.seconds_per_step, 0.5, 1e-3, 3600, "scene time of one step of the data"),
@@ -37,6 +37,12 @@ static const struct bb_option data_options[] = {
 	F64("pitch_deg", data.pitch_deg, 0, -360, 360, "then about x"),
 	F64("roll_deg", data.roll_deg, 0, -360, 360, "then about z"),
 	F64("step_voxels", data.step_voxels, 1, 0.05, 16, "distance of two samples along a ray"),
+	{ "brick_voxels", BB_OPT_TYPE_I64, S(data.brick_voxels), 0, 16, 4, 64, 1, NULL, false,
+	  "edge of the bricks a file that has none is cut into; even" },
+	{ "values", BB_OPT_TYPE_ENUM, S(data.values), 0, 1, 0, 0, 1, "u8|u16|f16|f32", false, "how those bricks keep values" },
+	{ "gain", BB_OPT_TYPE_ENUM, S(data.gain), 0, 3, 0, 0, 1, "opacity|leaf|child|far", false, "what a finer brick is worth" },
+	{ "occlusion", BB_OPT_TYPE_BOOL, S(data.occlusion), 0, 0, 0, 0, 1, NULL, false, "what is hidden behind the rest is worth less" },
+	{ "predict", BB_OPT_TYPE_BOOL, S(data.predict), 0, 1, 0, 0, 1, NULL, false, "bricks are read for the steps ahead" },
 	BB_OPT_END
 };
 
@@ -49,6 +55,8 @@ static const struct bb_option budget_options[] = {
 
 static const struct bb_option picture_options[] = {
 	F64("scale", pictures.scale, 1, 0.01, 1, "of the screen's pixels"),
+	{ "levels", BB_OPT_TYPE_BOOL, S(pictures.levels), 0, 1, 0, 0, 1, NULL, false,
+	  "one more a wall, coloured by the level of detail" },
 	BB_OPT_END
 };
 
@@ -69,9 +77,37 @@ static enum bb_status read_centre(struct bb_reader *r, const struct bb_yaml_node
 	return bb_yaml_vec3(r, v, 1000, 1, &((struct bb_scene *)target)->data.centre_m);
 }
 
+static enum bb_status read_dim(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
+{
+	struct bb_scene *s = target;
+	enum bb_status status = bb_yaml_want(r, v, BB_YAML_LIST);
+	int64_t voxels;
+	size_t n = 0;
+
+	if (!status && v->n != 3)
+		return bb_yaml_fail(r, 1012, v, "dim: %zu numbers, not 3", v->n);
+	for (const struct bb_yaml_node *c = v->first; c && !status; c = c->next) {
+		status = bb_yaml_integer(r, c, 8, 1024, &voxels);
+		s->data.dim[n++] = status ? 0 : (uint32_t)voxels;
+	}
+	return status;
+}
+
+static bool is_generator(const char *kind)
+{
+	static const char *const kinds[] = { "cme", "enlil", "delta", "wing", "shock" };
+
+	for (size_t i = 0; i < BB_ARRAY_LEN(kinds); i++)
+		if (!strcmp(kind, kinds[i]))
+			return true;
+	return false;
+}
+
 static enum bb_status read_data(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
 {
-	static const struct bb_yaml_branch branches[] = { { "centre_m", read_centre, false }, { NULL, NULL, false } };
+	static const struct bb_yaml_branch branches[] = { { "centre_m", read_centre, false },
+		                                          { "dim", read_dim, false },
+		                                          { NULL, NULL, false } };
 	const struct bb_scene *s = target;
 	const enum bb_status status = bb_yaml_walk(r, v, data_options, branches, target, 0);
 
@@ -79,8 +115,14 @@ static enum bb_status read_data(struct bb_reader *r, const struct bb_yaml_node *
 		return status;
 	if (!*s->data.file == !*s->data.generate)
 		return bb_yaml_fail(r, 1201, v, *s->data.file ? "both file and generate" : "neither file nor generate");
-	if (*s->data.generate && strcmp(s->data.generate, "cme"))
-		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "generate"), "generate: '%s' is not cme", s->data.generate);
+	if (*s->data.generate && !is_generator(s->data.generate))
+		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "generate"), "generate: '%s' is not cme, enlil, delta, wing or shock",
+		                    s->data.generate);
+	if (s->data.dim[0] && (!*s->data.generate || bb_yaml_get(v, "edge_voxels")))
+		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "dim"), "%s", *s->data.generate ? "dim: edge_voxels is given too" : "dim: only of a made volume");
+	if (s->data.brick_voxels % 2)
+		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "brick_voxels"), "brick_voxels: %lld is odd",
+		                    (long long)s->data.brick_voxels);
 	return BB_OK;
 }
 

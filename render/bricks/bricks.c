@@ -1,29 +1,22 @@
-#include "render/bricks/bricks.h"
+#define _GNU_SOURCE /* O_NOATIME */
+#include "render/bricks/bricks_private.h"
 #include "render/bricks/values.h"
 
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
-struct bb_bricks {
-	char path[BB_PATH_MAX_BYTES];
-	int fd;
-	uint64_t file_bytes;
-	struct bb_bricks_header h;
-	struct bb_bricks_record *index;
-	struct bb_bricks_moments *moments;
-};
-
 static enum bb_status read_at(const struct bb_bricks *b, uint64_t at, void *buf, size_t n, struct bb_error *err)
 {
 	const struct bb_where where = { b->path, 0, 0 };
 
 	for (size_t done = 0; done < n;) {
-		const ssize_t got = pread(b->fd, (char *)buf + done, n - done, (off_t)(at + done));
+		const ssize_t got = bb_bricks_file_read(b->fd, (char *)buf + done, n - done, at + done);
 		if (got < 0 && errno == EINTR)
 			continue;
 		if (got < 0)
@@ -35,9 +28,9 @@ static enum bb_status read_at(const struct bb_bricks *b, uint64_t at, void *buf,
 	return BB_OK;
 }
 
-/* Records of a section, some at a time, with its CRC. */
+/* Records of a section, some at a time, with its CRC. take keeps one, or says by which number it is wrong. */
 static enum bb_status read_section(struct bb_bricks *b, const struct bb_bricks_section *s, size_t record_bytes,
-				   bool (*take)(struct bb_bricks *b, uint64_t i, const uint8_t *from), const char *what,
+				   int (*take)(struct bb_bricks *b, uint64_t i, const uint8_t *from), const char *what,
 				   struct bb_error *err)
 {
 	enum { AT_A_TIME = 1024 };
@@ -51,10 +44,12 @@ static enum bb_status read_section(struct bb_bricks *b, const struct bb_bricks_s
 		if (status)
 			return status;
 		crc = bb_crc32c(crc, buf, part * record_bytes);
-		for (uint64_t k = 0; k < part; k++)
-			if (!take(b, i + k, buf + k * record_bytes))
-				return bb_fail(err, BB_ERR_FORMAT, 1445, &where, "%s: brick %llu lies outside the file",
-					       what, (unsigned long long)(i + k));
+		for (uint64_t k = 0; k < part; k++) {
+			const int wrong = take(b, i + k, buf + k * record_bytes);
+			if (wrong)
+				return bb_fail(err, BB_ERR_FORMAT, wrong, &where, "%s: brick %llu", what,
+					       (unsigned long long)(i + k));
+		}
 	}
 #ifndef BB_FUZZ
 	if (crc != s->crc)
@@ -69,16 +64,25 @@ static bool lies_in_file(const struct bb_bricks *b, const struct bb_bricks_recor
 	       r->bytes <= b->file_bytes - r->offset && r->bytes <= most_bytes;
 }
 
-static bool take_index(struct bb_bricks *b, uint64_t i, const uint8_t *from)
+static int take_index(struct bb_bricks *b, uint64_t i, const uint8_t *from)
 {
 	b->index[i] = bb_bricks_record_read(from);
-	return lies_in_file(b, &b->index[i], bb_values_packed_cap(b->h.codec, bb_bricks_brick_bytes(&b->h)));
+	return lies_in_file(b, &b->index[i], bb_values_packed_cap(b->h.codec, bb_bricks_brick_bytes(&b->h))) ? 0 : 1445;
 }
 
-static bool take_moments(struct bb_bricks *b, uint64_t i, const uint8_t *from)
+static int take_moments(struct bb_bricks *b, uint64_t i, const uint8_t *from)
 {
-	b->moments[i] = bb_bricks_moments_read(from);
-	return lies_in_file(b, &b->moments[i].histograms, BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST);
+	struct bb_bricks_moments *m = &b->moments[i];
+
+	*m = bb_bricks_moments_read(from);
+	if (!lies_in_file(b, &m->histograms, BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST))
+		return 1445;
+	/* Whoever selects by them may divide by them and index with them. */
+	const float spread[] = { m->deviation, m->time_dev, m->time_cov, m->leaf_error };
+	bool sane = isfinite(m->mean) && isfinite(m->least) && isfinite(m->most) && m->least <= m->most;
+	for (size_t k = 0; k < BB_ARRAY_LEN(spread); k++)
+		sane &= isfinite(spread[k]) && spread[k] >= 0;
+	return sane ? 0 : 1454;
 }
 
 static enum bb_status load(struct bb_bricks *b, struct bb_error *err)
@@ -87,7 +91,10 @@ static enum bb_status load(struct bb_bricks *b, struct bb_error *err)
 	uint8_t header[BB_BRICKS_HEADER_BYTES];
 	struct stat st;
 
-	b->fd = open(b->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+	/* When a brick was last read is nobody's business, and writing it down costs a tenth of reading a small one. */
+	b->fd = open(b->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOATIME);
+	if (b->fd < 0 && errno == EPERM) /* another's file */
+		b->fd = open(b->path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
 	if (b->fd < 0)
 		return bb_fail(err, BB_ERR_CONFIG, 1001, &where, "%s", strerror(errno));
 	if (fstat(b->fd, &st) || !S_ISREG(st.st_mode))
@@ -174,17 +181,23 @@ enum bb_status bb_bricks_read(const struct bb_bricks *b, uint64_t brick, uint8_t
 {
 	if (brick >= b->h.tree.n_bricks)
 		return BB_ERR_USAGE;
+	const struct bb_where where = { b->path, 0, 0 };
 	const struct bb_bricks_record *r = &b->index[brick];
 	const size_t n = bb_bricks_brick_bytes(&b->h);
-	if (b->h.codec == BB_BRICK_PLAIN && r->bytes == n)
-		return read_record(b, brick, r, out, "brick", err);
+	if (b->h.codec == BB_BRICK_PLAIN)
+		return r->bytes == n ? read_record(b, brick, r, out, "brick", err) :
+				       bb_fail(err, BB_ERR_FORMAT, 1450, &where, "brick %llu: it is not as large as the others",
+					       (unsigned long long)brick);
+	struct bb_unpacker unpacker;
 	uint8_t *packed = malloc(r->bytes ? r->bytes : 1);
-	if (!packed)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, &(struct bb_where){ b->path, 0, 0 }, "a packed brick");
-	enum bb_status status = read_record(b, brick, r, packed, "brick", err);
-	if (!status && !bb_values_unpack(b->h.codec, packed, r->bytes, out, n))
-		status = bb_fail(err, BB_ERR_FORMAT, 1450, &(struct bb_where){ b->path, 0, 0 }, "brick %llu",
-				 (unsigned long long)brick);
+	enum bb_status status = BB_OK;
+	if (!bb_unpacker_init(&unpacker, b->h.codec) || !packed)
+		status = bb_fail(err, BB_ERR_NOMEM, 1702, &where, "a packed brick");
+	if (!status)
+		status = read_record(b, brick, r, packed, "brick", err);
+	if (!status && !bb_values_unpack(&unpacker, packed, r->bytes, out, n))
+		status = bb_fail(err, BB_ERR_FORMAT, 1450, &where, "brick %llu", (unsigned long long)brick);
+	bb_unpacker_fini(&unpacker);
 	free(packed);
 	return status;
 }

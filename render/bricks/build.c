@@ -23,7 +23,7 @@ static uint64_t slab_floats(const struct bb_build *b, uint32_t tile, uint32_t *p
 
 	*planes = (uint32_t)(deep < v[2] ? deep : v[2]);
 	*rows = (uint32_t)(wide < v[1] ? wide : v[1]);
-	return (uint64_t)b->h.tree.n_times * *planes * *rows * v[0];
+	return (uint64_t)b->h.tree.n_times * (*planes + bb_build_n_across(b)) * *rows * v[0];
 }
 
 static uint64_t coded_bytes(const struct bb_build *b, uint32_t tile)
@@ -70,7 +70,7 @@ static void take_slab(struct bb_build *b)
 	uint32_t planes, rows;
 	const uint64_t n = slab_floats(b, b->tile, &planes, &rows);
 
-	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows };
+	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows, .n_across = bb_build_n_across(b) };
 	b->slab.values = bb_build_alloc(b, n, sizeof(float), "a slab of all time nodes");
 	b->slab.places = bb_build_alloc(b, n, sizeof(uint16_t), "a slab of all time nodes");
 	for (unsigned i = 0; i < b->config->threads; i++)
@@ -343,6 +343,10 @@ static bool sane(const struct bb_build_config *c, struct bb_build *b)
 		.pad = c->pad, .type = c->type, .codec = c->codec, .grid = c->grid, .least = c->least, .most = c->most
 	};
 	memcpy(b->h.extent, c->extent, sizeof(b->h.extent));
+	if (c->steps->spherical && c->grid == BB_BRICK_CARTESIAN) { /* the data know better */
+		b->h.grid = BB_BRICK_SPHERICAL;
+		memcpy(b->h.extent, c->steps->extent, sizeof(b->h.extent));
+	}
 	memcpy(b->h.spacing_mm, c->steps->spacing_mm, sizeof(b->h.spacing_mm));
 	snprintf(b->h.name, sizeof(b->h.name), "%s", c->steps->name);
 	return c->pad <= BB_BRICKS_PAD_MOST && c->threads >= 1 && c->threads <= BB_PARALLEL_MOST &&

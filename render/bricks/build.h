@@ -27,7 +27,7 @@ struct bb_build_config {
 	uint32_t edge, pad;
 	enum bb_brick_type type;
 	enum bb_brick_codec codec;
-	enum bb_brick_grid grid;
+	enum bb_brick_grid grid; /* with its extent; Cartesian: as the steps have it */
 	double extent[6];
 	bool has_range; /* least and most are known: the data is read once, not twice */
 	double least, most;

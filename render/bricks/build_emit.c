@@ -285,7 +285,19 @@ static uint32_t held(int64_t at, uint32_t n)
 	return at < 0 ? 0 : at >= n ? n - 1 : (uint32_t)at;
 }
 
-/* A brick with its padding; outside the volume the nearest voxel. */
+/* The plane of the slab that has z, which may lie outside the volume. */
+static uint32_t plane_held(const struct bb_build *b, int64_t z)
+{
+	const int64_t n = b->h.tree.voxels[b->level][2], pad = b->h.pad;
+
+	if (!b->slab.n_across || (z >= 0 && z < n))
+		return held(z, (uint32_t)n);
+	if (z < 0)
+		return BB_BUILD_ACROSS + (uint32_t)(z + pad);
+	return BB_BUILD_ACROSS + (uint32_t)(z < n + pad ? z - n + pad : 2 * pad - 1);
+}
+
+/* A brick with its padding; outside the volume the nearest voxel, or the one across the seam. */
 static void gather(const struct bb_build *b, const struct brick *k, float *out)
 {
 	const uint32_t *v = b->h.tree.voxels[b->level], edge = b->h.tree.edge, pad = b->h.pad;
@@ -297,7 +309,8 @@ static void gather(const struct bb_build *b, const struct brick *k, float *out)
 	for (int64_t z = -(int64_t)pad; z < (int64_t)edge + pad; z++)
 		for (int64_t y = -(int64_t)pad; y < (int64_t)edge + pad; y++, out += side) {
 			const float *row =
-				bb_build_row(b, k->tau, held(k->from[2] + z, v[2]), held(k->from[1] + y, v[1])) + first;
+				bb_build_row(b, k->tau, plane_held(b, k->from[2] + z), held(k->from[1] + y, v[1])) +
+				first;
 			memcpy(out + before, row, n * sizeof(float));
 			for (uint32_t x = 0; x < before; x++)
 				out[x] = row[0];

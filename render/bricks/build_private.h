@@ -15,9 +15,11 @@ struct bb_build_node { /* of a brick of the level under way: what its parent is 
 
 struct bb_build_slab {             /* planes of all time nodes, as a ring over z */
 	uint32_t n_planes, n_rows; /* of a ring */
+	uint32_t n_across;         /* planes across the seam of an angle, after the ring's: the last ones, the first */
+	bool has_across;           /* and they are those of y_from .. y_to */
 	uint32_t y_from, y_to;     /* rows it holds now */
 	uint32_t z_from, z_to;     /* planes it holds now */
-	float *values;             /* [tau][n_planes][n_rows][nx] */
+	float *values;             /* [tau][n_planes + n_across][n_rows][nx] */
 	uint16_t *places;          /* the same: among the bins of histograms */
 };
 
@@ -86,13 +88,22 @@ static inline size_t bb_build_row_floats(const struct bb_build *b)
 	return b->h.tree.voxels[b->level][0];
 }
 
+#define BB_BUILD_ACROSS 0x80000000u /* z from here on: planes across the seam */
+
 /* A row of a time node in the slab; z and y lie in it. */
 static inline size_t bb_build_offset(const struct bb_build *b, uint32_t tau, uint32_t z, uint32_t y)
 {
 	const struct bb_build_slab *s = &b->slab;
-	const size_t plane = (size_t)tau * s->n_planes + z % s->n_planes;
+	const size_t planes = s->n_planes + s->n_across;
+	const size_t plane = z < BB_BUILD_ACROSS ? z % s->n_planes : s->n_planes + (z - BB_BUILD_ACROSS);
 
-	return (plane * s->n_rows + (y - s->y_from)) * bb_build_row_floats(b);
+	return ((tau * planes + plane) * s->n_rows + (y - s->y_from)) * bb_build_row_floats(b);
+}
+
+/* How many planes there are across the seam: pad before the first one, pad after the last one. */
+static inline uint32_t bb_build_n_across(const struct bb_build *b)
+{
+	return bb_bricks_wraps(&b->h) ? 2 * b->h.pad : 0;
 }
 
 static inline float *bb_build_row(const struct bb_build *b, uint32_t tau, uint32_t z, uint32_t y)

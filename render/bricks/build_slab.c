@@ -62,6 +62,17 @@ struct filling {
 	uint32_t z_from, z_to; /* planes to add */
 };
 
+/* Which plane of the level a plane of the slab holds. */
+static uint32_t plane_of(const struct bb_build *b, uint32_t z)
+{
+	const uint32_t n = b->h.tree.voxels[b->level][2], pad = b->h.pad;
+
+	if (z < BB_BUILD_ACROSS)
+		return z;
+	const uint32_t k = z - BB_BUILD_ACROSS; /* the last pad ones, then the first; a level may have fewer */
+	return k < pad ? (n - (pad - k) % n) % n : (k - pad) % n;
+}
+
 static uint64_t mend(float *v, size_t n, float least)
 {
 	uint64_t bad = 0;
@@ -95,7 +106,7 @@ static void read_step(void *ctx, size_t i, unsigned thread)
 
 	for (uint32_t z = f->z_from; z < f->z_to && !b->status; z++) {
 		float *to = bb_build_row(b, tau, z, b->slab.y_from);
-		if (!bb_build_data(b, (uint32_t)i, z, b->slab.y_from, rows, to))
+		if (!bb_build_data(b, (uint32_t)i, plane_of(b, z), b->slab.y_from, rows, to))
 			return;
 		const size_t nx = bb_build_row_floats(b), before = (b->y * b->h.tree.edge - b->slab.y_from) * nx;
 		const uint32_t core = b->tile * b->h.tree.edge, here = rows - (uint32_t)(before / nx);
@@ -103,7 +114,8 @@ static void read_step(void *ctx, size_t i, unsigned thread)
 		(void)mend(to, before, (float)b->h.least);
 		const uint64_t here_bad = mend(to + before, own, (float)b->h.least);
 		/* Planes below were met by the unit before; after a stop they are read again. */
-		bad += !b->z || z >= b->z * b->h.tree.edge + b->h.pad ? here_bad : 0;
+		const bool met = z >= BB_BUILD_ACROSS || (b->z && z < b->z * b->h.tree.edge + b->h.pad);
+		bad += met ? 0 : here_bad;
 		(void)mend(to + before + own, rows * nx - before - own, (float)b->h.least);
 		place_rows(b, tau, z);
 	}
@@ -143,12 +155,26 @@ static void read_spill(void *ctx, size_t i, unsigned thread)
 	(void)thread;
 
 	for (uint32_t z = f->z_from; z < f->z_to && !b->status; z++) {
-		const uint64_t at = (((uint64_t)i * v[2] + z) * v[1] + b->slab.y_from) * v[0] * sizeof(float);
+		const uint64_t plane = (uint64_t)i * v[2] + plane_of(b, z);
+		const uint64_t at = (plane * v[1] + b->slab.y_from) * v[0] * sizeof(float);
 		if (!bb_build_pread(b, b->spill[b->level % 2], bb_build_row(b, (uint32_t)i, z, b->slab.y_from),
 				    (size_t)rows * v[0] * sizeof(float), at))
 			return;
 		place_rows(b, (uint32_t)i, z);
 	}
+}
+
+static void fill_planes(struct bb_build *b, uint32_t z_from, uint32_t z_to)
+{
+	const struct bb_tree *t = &b->h.tree;
+	struct filling f = { b, z_from, z_to };
+
+	if (!bb_build_at_leaves(b)) {
+		bb_parallel(b->config->threads, t->n_times, read_spill, &f);
+		return;
+	}
+	bb_parallel(b->config->threads, t->n_steps, read_step, &f);
+	bb_parallel(b->config->threads, z_to - z_from, average_plane, &f);
 }
 
 /* The planes a unit needs and the ring does not have yet; a new column of units begins with an empty ring. */
@@ -161,19 +187,19 @@ void bb_build_fill(struct bb_build *b)
 	const uint32_t z_from = z0 > pad ? z0 - pad : 0, z1 = z0 + t->edge + pad, z_to = z1 < v[2] ? z1 : v[2];
 	struct bb_build_slab *s = &b->slab;
 
-	if (s->y_from != y_from || s->y_to != y_to || s->z_to < z_from || !b->z)
+	if (s->y_from != y_from || s->y_to != y_to || s->z_to < z_from || !b->z) {
 		s->z_from = s->z_to = z_from;
+		s->has_across = false;
+	}
+	const uint32_t z_new = s->z_to;
 	s->y_from = y_from;
 	s->y_to = y_to;
-	struct filling f = { b, s->z_to, z_to };
 	s->z_from = z_from;
 	s->z_to = z_to;
-	if (!bb_build_at_leaves(b)) {
-		bb_parallel(b->config->threads, t->n_times, read_spill, &f);
-		return;
-	}
-	bb_parallel(b->config->threads, t->n_steps, read_step, &f);
-	bb_parallel(b->config->threads, f.z_to - f.z_from, average_plane, &f);
+	fill_planes(b, z_new, z_to);
+	if (!s->has_across && s->n_across)
+		fill_planes(b, BB_BUILD_ACROSS, BB_BUILD_ACROSS + s->n_across);
+	s->has_across = true;
 }
 
 /* ---- halving ---- */

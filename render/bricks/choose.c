@@ -23,13 +23,16 @@ struct greedy {
 	size_t n_heap;
 	struct bb_choice *out;
 	size_t n_out;
+	bool time_is_free;
+	const float *weight;
 };
 
 static float points(const struct greedy *g, const struct bb_choice *c)
 {
 	const uint64_t id = id_of(g->t, c);
+	const float own = c->flat || g->time[id] >= g->space[id] ? g->time[id] : g->space[id];
 
-	return c->flat || g->time[id] >= g->space[id] ? g->time[id] : g->space[id];
+	return g->weight ? own * g->weight[c->node] : own;
 }
 
 /* Does a come before b? */
@@ -48,11 +51,21 @@ static void swap(struct bb_choice *a, struct bb_choice *b)
 	*b = keep;
 }
 
+/* Into that half of its time that has the step. */
+static uint32_t half_of(const struct greedy *g, uint32_t tau)
+{
+	const struct bb_tree_span s = bb_tree_span(g->t, tau);
+
+	return s.child[g->step >= bb_tree_span(g->t, s.child[1]).from];
+}
+
 /* Onto the heap while there is something to split it into, else it is chosen. */
 static void push(struct greedy *g, struct bb_choice c)
 {
 	size_t i = g->n_heap;
 
+	while (g->time_is_free && g->time[id_of(g->t, &c)] > 0 && (!g->weight || g->weight[c.node] > 0))
+		c.tau = half_of(g, c.tau);
 	if (!(points(g, &c) > 0)) {
 		c.flat = false;
 		g->out[g->n_out++] = c;
@@ -89,7 +102,7 @@ static double loads(const struct bb_tree *t, const struct bb_tree_span *s)
 size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const float *time, uint32_t step,
 			   const struct bb_choose_budget *budget, struct bb_choice *heap, struct bb_choice *out)
 {
-	struct greedy g = { t, space, time, step, heap, 0, out, 0 };
+	struct greedy g = { t, space, time, step, heap, 0, out, 0, !(budget->stream_bricks > 0), budget->weight };
 	const double stream_most = budget->stream_bricks > 0 ? budget->stream_bricks * t->n_steps : (double)INFINITY;
 	double stream = 1;
 	uint64_t memory = 1;
@@ -101,8 +114,8 @@ size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const fl
 		const uint64_t id = id_of(t, &c);
 		const struct bb_tree_span s = bb_tree_span(t, c.tau);
 		if (c.flat || time[id] >= space[id]) {
-			const uint32_t half = step >= bb_tree_span(t, s.child[1]).from;
-			const struct bb_tree_span to = bb_tree_span(t, s.child[half]);
+			const uint32_t half = half_of(&g, c.tau);
+			const struct bb_tree_span to = bb_tree_span(t, half);
 			const double more = loads(t, &to) - loads(t, &s);
 			c.flat = false;
 			if (stream + more > stream_most) {
@@ -110,7 +123,7 @@ size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const fl
 				continue;
 			}
 			stream += more;
-			push(&g, (struct bb_choice){ .node = c.node, .tau = s.child[half] });
+			push(&g, (struct bb_choice){ .node = c.node, .tau = half });
 			continue;
 		}
 		const uint32_t n = bb_tree_children(t, c.node, child);
@@ -208,7 +221,7 @@ struct optimum {
 	struct bb_choice *out;
 	const uint32_t *tau; /* [node]: the time node that is best alone */
 	size_t n;
-	bool failed;          /* no memory */
+	bool failed; /* no memory */
 };
 
 /* Children one after another: joined[c][k] is the best of the first c + 1 with k + 1 bricks. */

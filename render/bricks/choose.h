@@ -16,6 +16,8 @@ struct bb_choose_budget {
 	uint32_t memory_bricks; /* at most so many at a time */
 	/* On average at most so many new ones a step, if the whole sequence were played; 0: no limit. */
 	double stream_bricks;
+	/* [n_nodes]: what to multiply points with (bb_sight_weights, several views at once); NULL: 1. Borrowed. */
+	const float *weight;
 };
 
 /* So many choices at most, in any case. */
@@ -23,8 +25,9 @@ size_t bb_choose_most(const struct bb_tree *t);
 
 /*
  * Greedy on a max-heap of split points (algorithm 1 of Carlsson and Tjernstroem 2016): the split with the most points
- * first, until none fits the memory; one that does not fit the streaming budget is not made. points as of gain.h. heap
- * and out: bb_choose_most entries. Returns how many.
+ * first, until none fits the memory; one that does not fit the streaming budget is not made. Without a streaming budget
+ * a split in time costs nothing and is made before a brick is compared with others: what it shows of the step is then
+ * what it is judged by. points as of gain.h. heap and out: bb_choose_most entries. Returns how many.
  */
 size_t bb_choose_by_budget(const struct bb_tree *t, const float *space, const float *time, uint32_t step,
 			   const struct bb_choose_budget *budget, struct bb_choice *heap, struct bb_choice *out);

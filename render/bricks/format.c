@@ -201,6 +201,9 @@ static enum bb_status read_sections(const uint8_t *in, uint64_t file_bytes, cons
 	if (out->index.bytes != n * BB_BRICKS_INDEX_BYTES || out->moments.bytes != n * BB_BRICKS_MOMENTS_BYTES)
 		return bb_fail(err, BB_ERR_FORMAT, 1445, where, "a section is not as large as %llu bricks need",
 			       (unsigned long long)n);
+	if (out->index.offset < out->moments.offset + out->moments.bytes &&
+	    out->moments.offset < out->index.offset + out->index.bytes)
+		return bb_fail(err, BB_ERR_FORMAT, 1451, where, "the index and the moments");
 	return BB_OK;
 }
 

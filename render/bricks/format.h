@@ -13,6 +13,12 @@
  * spatial children, against its temporal children.
  * A padding voxel is the true neighbour of the same level and time, at the volume's faces the nearest voxel of it.
  * Voxels of a brick that lie outside the volume repeat the nearest one inside.
+ *
+ * Spherical grids: x, y, z are r, theta (from the pole) and phi. Voxel i of n of the finest level has its middle at
+ * from + (i + 0.5) / n * (to - from) of the extent. Where phi goes all the way round (bb_bricks_wraps) there is no face
+ * across phi: the neighbour of its last voxel is its first one of that level. The `pad` voxels beyond either end are
+ * those across the seam, whether they lie in a brick's padding or, where the last brick is not full, in the brick;
+ * what is farther outside repeats them. r and theta have faces as all other grids.
  */
 #ifndef BB_RENDER_BRICKS_FORMAT_H
 #define BB_RENDER_BRICKS_FORMAT_H
@@ -68,8 +74,8 @@ size_t bb_bricks_brick_bytes(const struct bb_bricks_header *h);
 
 void bb_bricks_header_write(const struct bb_bricks_header *h, uint8_t out[BB_BRICKS_HEADER_BYTES]);
 /*
- * Believes nothing: the CRC, then every field, then that all sections lie within a file of file_bytes and are as large
- * as the tree demands. 1440 to 1445. Allocates nothing.
+ * Believes nothing: the CRC, then every field, then that all sections lie within a file of file_bytes, apart, as large
+ * as the tree demands. 1440 to 1445, 1451. Allocates nothing.
  */
 BB_MUST_CHECK enum bb_status bb_bricks_header_read(const uint8_t in[BB_BRICKS_HEADER_BYTES], uint64_t file_bytes,
 						   const struct bb_where *where, struct bb_bricks_header *out,

@@ -1,12 +1,21 @@
 #include "render/bricks/gain.h"
+#include "render/bricks/perceived.h"
 
 #include <math.h>
+#include <stdlib.h>
 
 const char *bb_gain_method_text(enum bb_gain_method method)
 {
-	static const char *const text[BB_GAIN_METHODS] = { "opacity", "leaf", "child" };
+	static const char *const text[BB_GAIN_METHODS] = { "opacity", "leaf", "child", "far" };
 
 	return text[method];
+}
+
+const char *bb_gain_colour_text(enum bb_gain_colour colour)
+{
+	static const char *const text[BB_GAIN_COLOURS] = { "rgb", "lab" };
+
+	return text[colour];
 }
 
 void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out)
@@ -20,6 +29,38 @@ void bb_gain_weights(const struct bb_transfer *tf, struct bb_gain_weights *out)
 			sum += (to[k] - from[k]) * (to[k] - from[k]);
 		out->opacity[i] = (float)here[3];
 		out->change[i] = (float)(sqrt(sum) * BB_STATS_BINS * here[3]);
+	}
+}
+
+/* A slab over black as it is seen. */
+static void look_of(const struct bb_transfer *tf, double v, double lab[3])
+{
+	double rgba[4], over[3];
+
+	bb_transfer_at(tf, v, rgba);
+	const double opacity = bb_transfer_opacity_for_step(rgba[3], BB_GAIN_SLAB_VOXELS);
+	for (int k = 0; k < 3; k++)
+		over[k] = rgba[k] * opacity;
+	bb_perceived_lab(over, lab);
+}
+
+void bb_gain_weights_of(const struct bb_transfer *tf, enum bb_gain_colour colour, struct bb_gain_weights *out)
+{
+	static const double black[3];
+
+	if (colour == BB_GAIN_RGB) {
+		bb_gain_weights(tf, out);
+		return;
+	}
+	for (int i = 0; i < BB_STATS_BINS; i++) {
+		double from[3], here[3], to[3];
+		look_of(tf, (double)i / BB_STATS_BINS, from);
+		look_of(tf, (i + 0.5) / BB_STATS_BINS, here);
+		look_of(tf, (i + 1.0) / BB_STATS_BINS, to);
+		/* Through the middle: a peak within the bin would else be no change. */
+		const double way = bb_perceived_distance(from, here) + bb_perceived_distance(here, to);
+		out->opacity[i] = (float)(bb_perceived_distance(here, black) / 100);
+		out->change[i] = (float)(way / 100 * BB_STATS_BINS);
 	}
 }
 
@@ -62,7 +103,7 @@ static struct brick brick_of(const struct bb_tree *t, uint64_t id)
 	return k;
 }
 
-/* Points of one brick by what its own histograms say; for leaf errors, the error itself goes to work. */
+/* Points of one brick by what its own histograms say; for leaf and far errors, the error itself goes to work. */
 static enum bb_status own_points(const struct bb_bricks *b, uint64_t id, const struct brick *k,
 				 const struct bb_gain_weights *w, enum bb_gain_method method, float *space, float *time,
 				 float *work, struct bb_error *err)
@@ -106,6 +147,100 @@ static void leaf_points(const struct bb_tree *t, uint64_t id, const struct brick
 	time[id] = (float)(fmax(left, 0) / 2);
 }
 
+/* ---- far ---- */
+
+/* Of the bricks so many splits below each, what is left of its error, and how many they are. */
+struct below {
+	float *error, *bricks; /* [n_bricks] */
+};
+
+static void begin_below(const struct bb_tree *t, const float *work, struct below *b)
+{
+	for (uint64_t id = 0; id < t->n_bricks; id++) {
+		b->error[id] = work[id];
+		b->bricks[id] = 1;
+	}
+}
+
+/* Children come after their parents, so that they still have the sums of the depth before. */
+static void deeper_in_space(const struct bb_tree *t, uint32_t depth, struct below *b)
+{
+	const uint32_t end = t->first[t->n_levels - depth]; /* nodes below cannot be split so often */
+
+	for (uint32_t node = 0; node < end; node++) {
+		uint32_t child[8];
+		const uint32_t n = bb_tree_children(t, node, child);
+		for (uint32_t tau = 0; tau < t->n_times; tau++) {
+			const uint64_t row = (uint64_t)tau * t->n_nodes;
+			float error = 0, bricks = 0;
+			for (uint32_t c = 0; c < n; c++) {
+				error += b->error[row + child[c]];
+				bricks += b->bricks[row + child[c]];
+			}
+			b->error[row + node] = error;
+			b->bricks[row + node] = bricks;
+		}
+	}
+}
+
+/* A single step is not split any more and stays what it is. */
+static bool deeper_in_time(const struct bb_tree *t, struct below *b)
+{
+	bool split = false;
+
+	for (uint32_t tau = 0; tau < t->n_times; tau++) {
+		const struct bb_tree_span s = bb_tree_span(t, tau);
+		const uint64_t row = (uint64_t)tau * t->n_nodes;
+		if (s.to - s.from == 1)
+			continue;
+		const float *error[2] = { b->error + (uint64_t)s.child[0] * t->n_nodes,
+					  b->error + (uint64_t)s.child[1] * t->n_nodes };
+		const float *bricks[2] = { b->bricks + (uint64_t)s.child[0] * t->n_nodes,
+					   b->bricks + (uint64_t)s.child[1] * t->n_nodes };
+		for (uint32_t node = 0; node < t->n_nodes; node++) {
+			const float many = bricks[0][node] + bricks[1][node];
+			split |= many > b->bricks[row + node];
+			b->error[row + node] = error[0][node] + error[1][node];
+			b->bricks[row + node] = many;
+		}
+	}
+	return split;
+}
+
+/* The error that goes away for each brick at this depth, where it is more than at those before. */
+static void best_so_far(const struct bb_tree *t, const float *work, const struct below *b, float *points)
+{
+	for (uint64_t id = 0; id < t->n_bricks; id++) {
+		const float gain = (work[id] - b->error[id]) / b->bricks[id];
+		if (b->bricks[id] > 1 && gain > points[id])
+			points[id] = gain;
+	}
+}
+
+static enum bb_status far_points(const struct bb_tree *t, const float *work, float *space, float *time,
+				 struct bb_error *err)
+{
+	struct below b = { calloc(t->n_bricks + 1, sizeof(float)), calloc(t->n_bricks + 1, sizeof(float)) };
+	const bool memory = b.error && b.bricks;
+
+	for (uint64_t id = 0; id < t->n_bricks; id++)
+		space[id] = time[id] = 0;
+	if (memory) {
+		begin_below(t, work, &b);
+		for (uint32_t depth = 1; depth < t->n_levels; depth++) {
+			deeper_in_space(t, depth, &b);
+			best_so_far(t, work, &b, space);
+		}
+		begin_below(t, work, &b);
+		while (deeper_in_time(t, &b))
+			best_so_far(t, work, &b, time);
+	}
+	free(b.error);
+	free(b.bricks);
+	return memory ? BB_OK
+		      : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "gains of %llu bricks", (unsigned long long)t->n_bricks);
+}
+
 enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_weights *w, enum bb_gain_method method,
 			      float *space, float *time, float *work, struct bb_error *err)
 {
@@ -117,6 +252,11 @@ enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_we
 		if (status)
 			return status;
 	}
+	if (method == BB_GAIN_FAR) {
+		const enum bb_status status = far_points(t, work, space, time, err);
+		if (status)
+			return status;
+	}
 	for (uint64_t id = 0; id < t->n_bricks; id++) {
 		const struct brick k = brick_of(t, id);
 		if (method == BB_GAIN_LEAF)
@@ -125,4 +265,14 @@ enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_we
 		time[id] = k.splits[1] ? time[id] : -1;
 	}
 	return BB_OK;
+}
+
+#define LAST_RESORT 0.01F /* of its own error */
+
+void bb_gain_press_on(const float *error, uint64_t n_bricks, float *space, float *time)
+{
+	for (uint64_t i = 0; i < n_bricks; i++) {
+		space[i] = space[i] < 0 ? -1 : fmaxf(space[i], LAST_RESORT * error[i] / 8);
+		time[i] = time[i] < 0 ? -1 : fmaxf(time[i], LAST_RESORT * error[i] / 2);
+	}
 }

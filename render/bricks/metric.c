@@ -1,10 +1,11 @@
 #include "render/bricks/metric.h"
+#include "render/bricks/metric_quick.h"
 
 #include <math.h>
 #include <string.h>
 
-#define LEAST_DEVIATION (0.25 / BB_METRIC_COLOURS) /* below a quarter of an entry a brick is flat */
-#define MOST_DEVIATION 0.5                         /* half the values at either end */
+#define LEAST_DEVIATION BB_METRIC_LEAST_DEVIATION
+#define MOST_DEVIATION BB_METRIC_MOST_DEVIATION
 #define REACH 12.0 /* deviations beyond which float has nothing left of a normal distribution */
 
 #define MOST_ERROR 1e18 /* stands for all larger ones */
@@ -127,7 +128,7 @@ double bb_metric_approximate(const struct bb_metric_colours *c, double mean, dou
 }
 
 /* Deviations of the table's rows: geometric, since narrow distributions change fastest. */
-static double deviation_of(int row)
+double bb_metric_deviation_of_row(int row)
 {
 	return LEAST_DEVIATION * pow(MOST_DEVIATION / LEAST_DEVIATION, (double)row / (BB_METRIC_DEVIATIONS - 1));
 }
@@ -136,16 +137,16 @@ static float row_of(double deviation)
 {
 	const float per_row = (float)((BB_METRIC_DEVIATIONS - 1) / log2(MOST_DEVIATION / LEAST_DEVIATION));
 
-	return log2f((float)(deviation / LEAST_DEVIATION)) * per_row;
+	return bb_quick_log2((float)(deviation * (1 / LEAST_DEVIATION))) * per_row;
 }
 
 /*
  * What equations 16 to 18 need of the colours around a mean is nine weighted means: of r, g, b and opacity, of these
  * times opacity, and of the squares; the distance of equation 7 multiplied out.
  */
-enum { MEAN_R, MEAN_G, MEAN_B, MEAN_A, MEAN_AR, MEAN_AG, MEAN_AB, MEAN_ARGB2, MEAN_A2, MEANS };
+enum { MEAN_R, MEAN_G, MEAN_B, MEAN_A, MEAN_AR, MEAN_AG, MEAN_AB, MEAN_ARGB2, MEAN_A2, MEAN_SEEN, MEANS };
 
-static double error_of(const float *m)
+static float log_error_of(const float *m, enum bb_metric_form form)
 {
 	const double c[4] = { (double)m[MEAN_R], (double)m[MEAN_G], (double)m[MEAN_B], (double)m[MEAN_A] },
 		     mu = level(c);
@@ -153,7 +154,7 @@ static double error_of(const float *m)
 	const double own = c[3] * (square(c[0]) + square(c[1]) + square(c[2]));
 	const double sum = (double)m[MEAN_ARGB2] - 2 * cross + own + (double)m[MEAN_A2] - square(c[3]);
 
-	return ratio(sum, mu);
+	return (float)log1p(form == BB_METRIC_RATIO ? ratio(sum, mu) : sqrt(fmax(sum, 0)));
 }
 
 static void weights_of(const struct bb_metric_colours *c, float (*w)[MEANS])
@@ -164,19 +165,25 @@ static void weights_of(const struct bb_metric_colours *c, float (*w)[MEANS])
 					   x[2],        x[3],
 					   x[3] * x[0], x[3] * x[1],
 					   x[3] * x[2], x[3] * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2]),
-					   x[3] * x[3] };
+					   x[3] * x[3], x[3] > 0 };
 		memcpy(w[j], all, sizeof(all));
 	}
 }
 
 void bb_metric_table(const struct bb_metric_colours *c, struct bb_metric_table *out)
 {
+	bb_metric_table_of(c, BB_METRIC_RATIO, out);
+}
+
+void bb_metric_table_of(const struct bb_metric_colours *c, enum bb_metric_form form, struct bb_metric_table *out)
+{
 	float w[BB_METRIC_COLOURS][MEANS], bell[BB_METRIC_COLOURS] = { 0 };
 
 	out->colours = c;
+	out->form = form;
 	weights_of(c, w);
 	for (int row = 0; row < BB_METRIC_DEVIATIONS; row++) {
-		const double deviation = deviation_of(row) * BB_METRIC_COLOURS; /* in entries */
+		const double deviation = bb_metric_deviation_of_row(row) * BB_METRIC_COLOURS; /* in entries */
 		const int reach = (int)fmin(ceil(REACH * deviation), BB_METRIC_COLOURS - 1);
 		for (int d = 0; d <= reach; d++)
 			bell[d] = expf(-(float)square(d / deviation) / 2);
@@ -192,7 +199,8 @@ void bb_metric_table(const struct bb_metric_colours *c, struct bb_metric_table *
 			}
 			for (int k = 0; k < MEANS; k++)
 				sum[k] /= total;
-			out->log_error[row][mean] = (float)log1p(error_of(sum));
+			out->log_error[row][mean] = log_error_of(sum, form);
+			out->seen[row][mean] = sum[MEAN_SEEN];
 		}
 	}
 }
@@ -207,24 +215,59 @@ double bb_metric_look_up(const struct bb_metric_table *t, double mean, double de
 	const float fr = row - (float)r, fc = column - (float)c;
 	const float a = t->log_error[r][c] + (t->log_error[r][c + 1] - t->log_error[r][c]) * fc;
 	const float b = t->log_error[r + 1][c] + (t->log_error[r + 1][c + 1] - t->log_error[r + 1][c]) * fc;
-	return (double)expm1f(a + (b - a) * fr);
+	return (double)bb_quick_expm1(a + (b - a) * fr);
+}
+
+/* ---- all bricks of a file ---- */
+
+struct in_parts { /* a brick's moments as parts of the data's range */
+	double mean, deviation, least, most;
+};
+
+static struct in_parts in_parts(const struct bb_bricks_moments *m, double least, double per)
+{
+	return (struct in_parts){ ((double)m->mean - least) * per, (double)m->deviation * per,
+				  ((double)m->least - least) * per, ((double)m->most - least) * per };
 }
 
 void bb_metric_rate(const struct bb_bricks *b, const struct bb_metric_table *t, float *space, float *time)
 {
 	const struct bb_bricks_header *h = bb_bricks_header(b);
 	const struct bb_bricks_moments *m = bb_bricks_moments(b);
-	const double least = h->least, per = h->most > h->least ? 1 / (h->most - h->least) : 0;
+	const double per = h->most > h->least ? 1 / (h->most - h->least) : 0;
 
 	for (uint64_t i = 0; i < h->tree.n_bricks; i++) {
-		const double low = ((double)m[i].least - least) * per, high = ((double)m[i].most - least) * per;
-		space[i] = (float)bb_metric_look_up(t, ((double)m[i].mean - least) * per, (double)m[i].deviation * per,
-						    low, high);
-		time[i] = bb_metric_visible(t->colours, low, high)
+		const struct in_parts v = in_parts(&m[i], h->least, per);
+		space[i] = (float)bb_metric_look_up(t, v.mean, v.deviation, v.least, v.most);
+		time[i] = bb_metric_visible(t->colours, v.least, v.most)
 				  ? (float)((double)m[i].time_cov * t->colours->variation)
 				  : 0;
 	}
 }
+
+double bb_metric_scalar(enum bb_metric_scalar guard, double mean, double deviation, double range)
+{
+	if (guard == BB_SCALAR_BARE)
+		return deviation / fabs(mean);
+	if (guard == BB_SCALAR_SAND)
+		return deviation;
+	const double guarded = fmax(fabs(mean), 1e-3 * fabs(range)); /* as bb_moments_cov, without a square */
+	return deviation > 0 && guarded > 0 ? deviation / guarded : 0;
+}
+
+void bb_metric_rate_scalar(const struct bb_bricks *b, enum bb_metric_scalar guard, float *space, float *time)
+{
+	const struct bb_bricks_header *h = bb_bricks_header(b);
+	const struct bb_bricks_moments *m = bb_bricks_moments(b);
+
+	for (uint64_t i = 0; i < h->tree.n_bricks; i++) {
+		space[i] =
+			(float)bb_metric_scalar(guard, (double)m[i].mean, (double)m[i].deviation, h->most - h->least);
+		time[i] = guard == BB_SCALAR_SAND ? m[i].time_dev : m[i].time_cov;
+	}
+}
+
+/* ---- order ---- */
 
 /* Errors are not negative, so their bits have their order: a radix sort in three passes, the largest first. */
 void bb_metric_order(const float *error, uint32_t n, uint64_t *scratch, uint32_t *order)

@@ -7,11 +7,12 @@
 
 #define ZSTD_LEVEL 3
 
-static float part_of(const struct bb_bricks_header *h, float v)
+/* In double: a float has no place for the fractions of 65535 parts, and what is near a half would go the wrong way. */
+static double part_of(const struct bb_bricks_header *h, float v)
 {
 	const double span = h->most - h->least, part = span > 0 ? ((double)v - h->least) / span : 0;
 
-	return (float)(part > 0 ? (part < 1 ? part : 1) : 0);
+	return part > 0 ? (part < 1 ? part : 1) : 0;
 }
 
 void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n, uint8_t *out)
@@ -19,13 +20,14 @@ void bb_values_store(const struct bb_bricks_header *h, const float *v, size_t n,
 	switch (h->type) {
 	case BB_BRICK_U8:
 		for (size_t i = 0; i < n; i++)
-			out[i] = (uint8_t)(part_of(h, v[i]) * 255 + 0.5f);
+			out[i] = (uint8_t)(part_of(h, v[i]) * 255 + 0.5);
 		return;
 	case BB_BRICK_U16:
 	case BB_BRICK_F16:
 		for (size_t i = 0; i < n; i++) {
-			const float part = part_of(h, v[i]);
-			const uint16_t q = h->type == BB_BRICK_F16 ? bb_to_half(part) : (uint16_t)(part * 65535 + 0.5f);
+			const double part = part_of(h, v[i]);
+			const uint16_t q =
+				h->type == BB_BRICK_F16 ? bb_to_half((float)part) : (uint16_t)(part * 65535 + 0.5);
 			out[2 * i] = (uint8_t)(q & 0xff);
 			out[2 * i + 1] = (uint8_t)(q >> 8);
 		}
@@ -82,15 +84,29 @@ size_t bb_values_pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, 
 	return n;
 }
 
-bool bb_values_unpack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
+bool bb_unpacker_init(struct bb_unpacker *u, enum bb_brick_codec codec)
 {
-	if (codec == BB_BRICK_LZ4)
-		return n <= INT32_MAX &&
-		       LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
-	if (codec == BB_BRICK_ZSTD)
-		return ZSTD_decompress(out, n_out, from, n) == n_out;
-	if (n != n_out)
-		return false;
-	memcpy(out, from, n);
-	return true;
+	*u = (struct bb_unpacker){ codec, NULL };
+	if (codec != BB_BRICK_ZSTD)
+		return true;
+	u->zstd = ZSTD_createDCtx();
+	return u->zstd != NULL;
+}
+
+void bb_unpacker_fini(struct bb_unpacker *u)
+{
+	ZSTD_freeDCtx(u->zstd);
+	u->zstd = NULL;
+}
+
+uint64_t bb_unpacker_bytes(const struct bb_unpacker *u)
+{
+	return u->zstd ? ZSTD_sizeof_DCtx(u->zstd) : 0;
+}
+
+bool bb_values_unpack(const struct bb_unpacker *u, const uint8_t *from, size_t n, uint8_t *out, size_t n_out)
+{
+	if (u->codec == BB_BRICK_ZSTD)
+		return ZSTD_decompressDCtx(u->zstd, out, n_out, from, n) == n_out;
+	return n <= INT32_MAX && LZ4_decompress_safe((const char *)from, (char *)out, (int)n, (int)n_out) == (int)n_out;
 }

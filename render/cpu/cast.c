@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "render/cpu/layers.h"
 #include "render/cpu/options.h"
 #include "render/parallel.h"
 
@@ -20,6 +21,7 @@ struct caster {
 	struct bb_renderer_cpu_options options;
 	struct bb_cast_table table;
 	struct bb_cast_space space;
+	struct bb_layers_caster layers; /* draws what one volume's kernels do not */
 };
 
 static const struct kernel {
@@ -83,6 +85,7 @@ static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, con
 				.space = &c->space,
 				.table = &c->table,
 				.by_level = draw->steps_by_level,
+				.per_edge = 1 / (float)draw->layers[0].atlas->edge,
 				.opaque = c->options.no_early_exit ? NEVER : OPAQUE,
 				.order = c->options.order };
 	struct job job = { .caster = c, .cast = &cast };
@@ -104,15 +107,21 @@ static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, con
 static enum bb_status cpu_draw(struct bb_renderer *r, const struct bb_draw *draw, const struct bb_rays *rays,
 			       struct bb_image *image, struct bb_draw_stats *stats)
 {
-	/* Several volumes, meshes, and balls are the general path's. */
-	if (draw->n_layers > 1 || draw->n_meshes || draw->layers[0].atlas->kind != BB_BRICK_CARTESIAN)
-		return BB_ERR_UNSUPPORTED;
-	return cast_one(bb_container_of(r, struct caster, base), draw, rays, image, stats);
+	struct caster *c = bb_container_of(r, struct caster, base);
+
+	/* Several volumes, meshes, balls and levels that are blended are the general path's. */
+	if (draw->n_layers > 1 || draw->n_meshes || draw->blend_levels ||
+	    draw->layers[0].atlas->kind != BB_BRICK_CARTESIAN)
+		return bb_layers_caster_draw(&c->layers, draw, rays, image, stats, &r->last_error);
+	return cast_one(c, draw, rays, image, stats);
 }
 
 static void cpu_forget(struct bb_renderer *r)
 {
-	bb_cast_space_release(&bb_container_of(r, struct caster, base)->space);
+	struct caster *c = bb_container_of(r, struct caster, base);
+
+	bb_cast_space_release(&c->space);
+	bb_layers_caster_fini(&c->layers);
 }
 
 static void cpu_destroy(struct bb_renderer *r)
@@ -121,6 +130,7 @@ static void cpu_destroy(struct bb_renderer *r)
 
 	bb_cast_space_release(&c->space);
 	bb_cast_table_release(&c->table);
+	bb_layers_caster_fini(&c->layers);
 	free(c);
 }
 
@@ -144,6 +154,11 @@ enum bb_status bb_renderer_cpu_create_with(const struct bb_renderer_cpu_options 
 	struct caster *c = calloc(1, sizeof(*c));
 	if (!c)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a caster");
+	const enum bb_status st = bb_layers_caster_init(&c->layers, k->name, options->threads, err);
+	if (st != BB_OK) {
+		free(c);
+		return st;
+	}
 	c->base.ops = &cpu_ops;
 	c->tile = k->tile;
 	c->options = *options;

@@ -178,9 +178,10 @@ static void blend_plane(void *ctx, size_t z, unsigned thread)
 	size_t i = z * a->grid[1] * a->grid[0];
 
 	(void)thread;
+	bb_layer_seams(a, (uint32_t)z, w->r->seam + i);
 	for (uint32_t y = 0; y < a->grid[1]; y++)
 		for (uint32_t x = 0; x < a->grid[0]; x++, i++)
-			if (w->r->seam[i])
+			if (w->r->seam[i].up_most)
 				w->r->shows[i] = bb_layer_range_shows(w->r, around_cell(w, (const int64_t[]){ x, y, (int64_t)z },
 											around))
 							 ? BB_SHOWS_ALL
@@ -194,16 +195,14 @@ static bool make_cells(struct bb_layer_ready *r, unsigned threads)
 	struct cells_work w = { .r = r, .range = malloc(n_cells * sizeof(*w.range)) };
 
 	r->shows = malloc(n_cells);
-	r->seam = r->blend ? malloc(n_cells) : NULL;
+	r->seam = r->blend ? malloc(n_cells * sizeof(*r->seam)) : NULL;
 	if (!w.range || !r->shows || (r->blend && !r->seam)) {
 		free(w.range);
 		return false;
 	}
 	bb_parallel(threads, a->grid[2], range_plane, &w);
-	if (r->blend) {
-		bb_layer_seams(a, r->seam);
+	if (r->blend)
 		bb_parallel(threads, a->grid[2], blend_plane, &w);
-	}
 	free(w.range);
 	return true;
 }

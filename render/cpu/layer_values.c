@@ -15,6 +15,17 @@
 
 #define FLAT_LAST 1 /* in a rank: twice the level, and this when the cell is flat */
 
+/* No NaN here; the library's calls would take longer than the rest. */
+static double least_of(double a, double b)
+{
+	return a < b ? a : b;
+}
+
+static double most_of(double a, double b)
+{
+	return a > b ? a : b;
+}
+
 struct spot { /* a point, and the cell it lies in */
 	double at[3];
 	int64_t cell[3];
@@ -89,12 +100,13 @@ static double trilinear(const struct bb_atlas *atlas, const uint8_t *brick, cons
 static double value_by(const struct bb_atlas *atlas, const struct bb_atlas_cell *entry, const int64_t cell[3],
 		       const double at[3])
 {
+	const double per_leaf = 1.0 / (double)(1U << entry->up);
 	double p[3];
 
 	if (entry->slot < 0)
 		return (double)entry->value;
 	for (int a = 0; a < 3; a++)
-		p[a] = ldexp(at[a], -(int)entry->up) - (double)((cell[a] >> entry->up) * atlas->edge) + atlas->pad - 0.5;
+		p[a] = at[a] * per_leaf - (double)((cell[a] >> entry->up) * atlas->edge) + atlas->pad - 0.5;
 	return trilinear(atlas, atlas->bricks + (size_t)entry->slot * atlas->slot_bytes, p);
 }
 
@@ -111,7 +123,7 @@ static uint32_t rank_of(const struct bb_atlas_cell *entry)
 /* How far into finer cells a level reaches, in voxels of the leaves. */
 static double reach_of(const struct bb_atlas *atlas, uint32_t up)
 {
-	return fmin(ldexp(0.5, (int)up), atlas->edge / 2.0);
+	return least_of((double)(1U << up) / 2, atlas->edge / 2.0);
 }
 
 static struct spot spot_at(const struct bb_atlas *atlas, const double at[3], bool around)
@@ -120,12 +132,12 @@ static struct spot spot_at(const struct bb_atlas *atlas, const double at[3], boo
 
 	for (int a = 0; a < 3; a++) {
 		const double edge = atlas->edge, cell = floor(at[a] / edge), last = atlas->grid[a] - 1.0;
-		const double low = fmin(fmax(cell, 0), last) * edge, high = a == 2 && around ? fmin(low + edge, atlas->dim[2])
+		const double low = least_of(most_of(cell, 0), last) * edge, high = a == 2 && around ? least_of(low + edge, atlas->dim[2])
 											     : low + edge;
 		s.at[a] = at[a];
 		s.cell[a] = (int64_t)(low / edge);
 		s.side[a] = at[a] - low < high - at[a] ? -1 : 1;
-		s.to_face[a] = fmax(0, s.side[a] < 0 ? at[a] - low : high - at[a]);
+		s.to_face[a] = most_of(0, s.side[a] < 0 ? at[a] - low : high - at[a]);
 	}
 	return s;
 }
@@ -149,13 +161,17 @@ static bool neighbour(const struct bb_atlas *atlas, const struct spot *s, unsign
 
 /* Neighbours that lie on top of the spot's own cell, and how far they cover it; lowest first. */
 static unsigned shares_of(const struct bb_atlas *atlas, const struct bb_atlas_cell *map, const struct spot *s,
-			  uint32_t own, bool around, struct share out[7])
+			  double reach_most, bool around, struct share out[7])
 {
-	unsigned n = 0;
+	const uint32_t own = rank_of(&map[index_of(atlas, s->cell)]);
+	unsigned n = 0, out_of_reach = 0;
+
+	for (int a = 0; a < 3; a++)
+		out_of_reach |= s->to_face[a] < reach_most ? 0 : 1U << a;
 
 	for (unsigned across = 1; across < 8; across++) {
 		struct share k;
-		if (!neighbour(atlas, s, across, around, &k))
+		if (across & out_of_reach || !neighbour(atlas, s, across, around, &k))
 			continue;
 		k.entry = &map[index_of(atlas, k.cell)];
 		k.rank = rank_of(k.entry);
@@ -163,7 +179,7 @@ static unsigned shares_of(const struct bb_atlas *atlas, const struct bb_atlas_ce
 		k.part = 1;
 		for (int a = 0; a < 3; a++)
 			if (across >> a & 1)
-				k.part *= fmax(0, 1 - s->to_face[a] / reach);
+				k.part *= most_of(0, 1 - s->to_face[a] / reach);
 		if (k.part <= 0 || k.rank < own || (k.rank == own && k.entry->slot >= 0))
 			continue;
 		unsigned i = n++;
@@ -182,7 +198,7 @@ static double put_over(const struct bb_atlas *atlas, const struct share *k, unsi
 
 	for (unsigned i = 0; i < n; i++) {
 		best = k[i].part > k[best].part ? i : best;
-		most = fmax(most, k[i].part);
+		most = most_of(most, k[i].part);
 		sum += k[i].part * (double)k[i].entry->value;
 		parts += k[i].part;
 	}
@@ -190,17 +206,16 @@ static double put_over(const struct bb_atlas *atlas, const struct share *k, unsi
 	return own ? value : below + (value - below) * most;
 }
 
-double bb_layer_map_value(const struct bb_atlas *atlas, unsigned shown, const double at[3], bool blend)
+static double map_value(const struct bb_atlas *atlas, unsigned shown, const double at[3], double reach, bool around)
 {
-	const bool around = bb_layer_around(atlas);
 	const struct spot s = spot_at(atlas, at, around);
 	const struct bb_atlas_cell *map = atlas->map[shown], *entry = &map[index_of(atlas, s.cell)];
 	double value = value_by(atlas, entry, s.cell, s.at);
 	struct share k[7];
 
-	if (!blend)
+	if (!(reach > 0))
 		return value;
-	const unsigned n = shares_of(atlas, map, &s, rank_of(entry), around, k);
+	const unsigned n = shares_of(atlas, map, &s, reach, around, k);
 	for (unsigned i = 0, end; i < n; i = end) {
 		for (end = i + 1; end < n && k[end].rank == k[i].rank; end++)
 			;
@@ -209,46 +224,54 @@ double bb_layer_map_value(const struct bb_atlas *atlas, unsigned shown, const do
 	return value;
 }
 
-double bb_layer_value(const struct bb_atlas *atlas, const double at[3], bool blend)
+double bb_layer_value_within(const struct bb_atlas *atlas, const double at[3], double reach)
 {
-	const double first = bb_layer_map_value(atlas, 0, at, blend);
+	const bool around = bb_layer_around(atlas);
+	const double first = map_value(atlas, 0, at, reach, around);
 
 	if (atlas->n_shown < 2)
 		return first;
-	return first + (bb_layer_map_value(atlas, 1, at, blend) - first) * (double)atlas->mix;
+	return first + (map_value(atlas, 1, at, reach, around) - first) * (double)atlas->mix;
+}
+
+double bb_layer_value(const struct bb_atlas *atlas, const double at[3], bool blend)
+{
+	return bb_layer_value_within(atlas, at, blend ? HUGE_VAL : 0);
 }
 
 /* ---- which cells are concerned ---- */
 
-static uint8_t seam_of(const struct bb_atlas *atlas, const struct bb_atlas_cell *map, const int64_t cell[3], bool around)
+static void add_seam(const struct bb_atlas *atlas, const struct bb_atlas_cell *map, const int64_t cell[3], bool around,
+		     struct bb_layer_seam *seam)
 {
 	const uint32_t own = rank_of(&map[index_of(atlas, cell)]);
-	uint32_t most = 0;
 
 	for (int i = 0; i < 27; i++) {
-		int64_t c[3] = { cell[0] + i % 3 - 1, cell[1] + i / 3 % 3 - 1, cell[2] + i / 9 - 1 };
+		const int off[3] = { i % 3 - 1, i / 3 % 3 - 1, i / 9 - 1 };
+		int64_t c[3] = { cell[0] + off[0], cell[1] + off[1], cell[2] + off[2] };
 		if (around)
 			c[2] = (c[2] + atlas->grid[2]) % atlas->grid[2];
-		bool there = true;
+		bool there = i != 13;
 		for (int a = 0; a < 3; a++)
 			there &= c[a] >= 0 && c[a] < atlas->grid[a];
 		const struct bb_atlas_cell *e = there ? &map[index_of(atlas, c)] : NULL;
-		if (e && i != 13 && (rank_of(e) > own || (rank_of(e) == own && e->slot < 0)))
-			most = e->up + 1 > most ? e->up + 1 : most;
+		if (!e || rank_of(e) < own || (rank_of(e) == own && e->slot >= 0))
+			continue;
+		seam->up_most = (uint8_t)(e->up + 1 > seam->up_most ? e->up + 1 : seam->up_most);
+		for (int a = 0; a < 3; a++)
+			seam->sides |= (uint8_t)(off[a] ? 1 << (2 * a + (off[a] > 0)) : 0);
 	}
-	return (uint8_t)most;
 }
 
-void bb_layer_seams(const struct bb_atlas *atlas, uint8_t *seam)
+void bb_layer_seams(const struct bb_atlas *atlas, uint32_t plane, struct bb_layer_seam *seam)
 {
 	const bool around = bb_layer_around(atlas);
-	int64_t c[3];
 
-	for (c[2] = 0; c[2] < atlas->grid[2]; c[2]++)
-		for (c[1] = 0; c[1] < atlas->grid[1]; c[1]++)
-			for (c[0] = 0; c[0] < atlas->grid[0]; c[0]++) {
-				const uint8_t a = seam_of(atlas, atlas->map[0], c, around);
-				const uint8_t b = atlas->n_shown > 1 ? seam_of(atlas, atlas->map[1], c, around) : 0;
-				*seam++ = a > b ? a : b;
-			}
+	for (uint32_t y = 0; y < atlas->grid[1]; y++)
+		for (uint32_t x = 0; x < atlas->grid[0]; x++, seam++) {
+			const int64_t c[3] = { x, y, plane };
+			*seam = (struct bb_layer_seam){ 0, 0 };
+			for (unsigned shown = 0; shown < atlas->n_shown; shown++)
+				add_seam(atlas, atlas->map[shown], c, around, seam);
+		}
 }

@@ -172,20 +172,27 @@ static void blend_values(struct bb_layer_walk *w, const uint32_t cell[3], uint32
 {
 	const struct bb_layer_ready *l = w->layer;
 	const struct bb_atlas *atlas = l->atlas;
-	const uint8_t seam = l->seam ? l->seam[index_of(atlas, cell)] : 0;
+	const struct bb_layer_seam seam = l->seam ? l->seam[index_of(atlas, cell)] : (struct bb_layer_seam){ 0, 0 };
+	double reach, low[3], begin[3], end[3]; /* between begin and end of an axis nothing comes from its sides */
 
-	if (!seam)
+	if (!seam.up_most)
 		return;
-	const double reach = least(ldexp(0.5, seam - 1), atlas->edge / 2.0);
+	reach = least((double)(1U << (seam.up_most - 1)) / 2, atlas->edge / 2.0);
+	for (int a = 0; a < 3; a++) {
+		low[a] = (double)cell[a] * atlas->edge;
+		begin[a] = seam.sides >> 2 * a & 1 ? reach : -HUGE_VAL;
+		end[a] = seam.sides >> (2 * a + 1) & 1 ? least(atlas->edge, atlas->dim[a] - low[a]) - reach : HUGE_VAL;
+	}
 	for (uint32_t k = from; k < w->n; k++) {
-		double at[3], nearest = HUGE_VAL;
+		double at[3];
+		bool near = false;
 		for (int a = 0; a < 3; a++) {
-			const double d = (double)into[a][k - from], low = (double)cell[a] * atlas->edge;
-			at[a] = low + most(0, d);
-			nearest = least(nearest, least(d, least(atlas->edge, atlas->dim[a] - low) - d));
+			const double d = (double)into[a][k - from];
+			at[a] = low[a] + most(0, d);
+			near |= d < begin[a] || d > end[a];
 		}
-		if (nearest < reach)
-			w->value[k] = (float)bb_layer_value(atlas, at, true);
+		if (near)
+			w->value[k] = (float)bb_layer_value_within(atlas, at, reach);
 	}
 }
 
@@ -219,9 +226,10 @@ static void take_numbers(struct bb_layer_walk *w, const uint32_t cell[3], size_t
 				continue;
 			}
 		}
-		for (; i < until && w->n < BB_LAYER_BATCH; i += s) {
+		while (i < until && w->n < BB_LAYER_BATCH) {
 			w->up[w->n] = (uint8_t)up;
 			w->number[w->n++] = (int32_t)i;
+			i += s;
 		}
 	}
 	w->next = least(i, end);

@@ -51,10 +51,14 @@ extern const struct bb_layer_kernel bb_layer_kernel_portable, bb_layer_kernel_av
 
 /* The value at a point of the grid's own corner coordinates of the time on show. blend: see bb_draw.blend_levels. */
 double bb_layer_value(const struct bb_atlas *atlas, const double at[3], bool blend);
-/* Of one of the atlas's maps. */
-double bb_layer_map_value(const struct bb_atlas *atlas, unsigned shown, const double at[3], bool blend);
-/* For each cell: 0, or 1 + the highest level among its neighbours of which values are mixed into it. */
-void bb_layer_seams(const struct bb_atlas *atlas, uint8_t *seam);
+/* The same where no neighbour that matters reaches farther than `reach` voxels of the leaves; 0: not blended. */
+double bb_layer_value_within(const struct bb_atlas *atlas, const double at[3], double reach);
+/* Of a cell: what of its neighbours is mixed into it. */
+struct bb_layer_seam {
+	uint8_t up_most; /* 0: nothing; else the highest of their levels, and 1 */
+	uint8_t sides;   /* bit 2 axis + (0: low, 1: high): something comes from there */
+};
+void bb_layer_seams(const struct bb_atlas *atlas, uint32_t plane, struct bb_layer_seam *seam);
 bool bb_layer_around(const struct bb_atlas *atlas);
 
 /* ---- layer_prepare.c: what all rays of a picture need of a layer ---- */
@@ -73,7 +77,7 @@ struct bb_layer_ready {
 	struct bb_layer_ball ball_float;
 	uint32_t *visible;   /* [65536 + 1]: the first part of the range from here on that shows; 65536: none */
 	uint8_t *shows;      /* of a cell: */
-	uint8_t *seam;       /* of a cell; NULL: not blended */
+	struct bb_layer_seam *seam; /* of a cell; NULL: not blended */
 	bb_layer_rgba *table[BB_LAYER_UPS]; /* [BB_LAYER_TABLE + 2]: premultiplied; NULL: no brick needs it */
 };
 

@@ -28,6 +28,7 @@ struct bb_stream_config {
 	uint32_t bricks_per_frame; /* 0: no limit */
 	enum bb_gain_method gain;
 	bool no_prediction;
+	bool occlusion; /* what little light reached lately is worth less: for data that hides itself */
 };
 
 struct bb_stream_frame { /* what a frame is about */
@@ -35,6 +36,7 @@ struct bb_stream_frame { /* what a frame is about */
 	size_t n_views; /* 0: nothing is seen; what is there stays */
 	uint32_t width_px, height_px;
 	double step, step_voxels; /* time in steps (0 .. n_steps - 1); its two neighbours are on show */
+	int way;                  /* of time: 1 on, -1 back, 0 it stands still */
 	const double *ahead;      /* steps that will be on show in so many frames: ahead[i] in (i + 1) * ahead_frames */
 	size_t n_ahead;
 	uint32_t ahead_frames;
@@ -47,6 +49,7 @@ struct bb_stream_counts {         /* of one frame */
 	uint32_t missing;         /* of them, those that would be split if their children were here */
 	uint32_t deficit;         /* the same in leaf cells: how much of the volume is coarser than the memory allows */
 	uint32_t loaded, evicted, prefetched; /* asked for in this frame, the prefetched ones included; of them prefetched */
+	uint32_t arrived;         /* read, asked for in earlier frames: from this frame on they may be drawn */
 	uint32_t failed;          /* could not be read: their parents stay on show */
 	uint64_t bytes;           /* loaded, as they lie in memory */
 	uint64_t rays, samples;   /* geometric: rays that meet the volume's box, and their length / step, all views;
@@ -54,7 +57,7 @@ struct bb_stream_counts {         /* of one frame */
 };
 
 struct bb_stream;
-/* 1452: not even the coarsest brick fits the memory budget. 1453: the file's bricks have no padding. 1450, 1702. */
+/* 1470: not even the coarsest brick fits the memory budget. 1471: the file's bricks have no padding. 1450, 1702. */
 BB_MUST_CHECK enum bb_status bb_stream_create(const struct bb_stream_config *config, struct bb_stream **out,
 					      struct bb_error *err);
 void bb_stream_destroy(struct bb_stream *s);
@@ -72,6 +75,9 @@ const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s);
 /* What a renderer draws; good until the next frame. */
 struct bb_layer bb_stream_layer(const struct bb_stream *s);
 const struct bb_stream_config *bb_stream_config(const struct bb_stream *s);
+/* Why the last brick that failed could not be read, and how many did; values that were out of range, in all bricks read. */
+const struct bb_error *bb_stream_error(const struct bb_stream *s);
+uint64_t bb_stream_failures(const struct bb_stream *s, uint64_t *n_odd);
 uint64_t bb_stream_memory_bytes(const struct bb_stream *s); /* held now under the memory budget */
 
 #endif

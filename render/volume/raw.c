@@ -7,6 +7,8 @@
  *   steps: 5                  default 1
  *   spacing_mm: 1 1 2.5       default 1 1 1
  *   offset_bytes: 0           bytes before the first voxel, default 0
+ *   spherical: 0.1 1.7 0 3.14 0 6.283185307179586
+ *                             x, y, z are r, theta (from the pole) and phi, each from and to, angles in radians
  */
 #include "render/volume/volume_private.h"
 
@@ -15,10 +17,10 @@
 #include <stdio.h>
 #include <string.h>
 
-enum key { KEY_FILE, KEY_DIMS, KEY_TYPE, KEY_BYTE_ORDER, KEY_STEPS, KEY_SPACING, KEY_OFFSET, KEY_COUNT };
+enum key { KEY_FILE, KEY_DIMS, KEY_TYPE, KEY_BYTE_ORDER, KEY_STEPS, KEY_SPACING, KEY_OFFSET, KEY_SPHERICAL, KEY_COUNT };
 
 static const char *const key_text[KEY_COUNT] = { "file",  "dims",       "type",        "byte_order",
-	                                         "steps", "spacing_mm", "offset_bytes" };
+	                                         "steps", "spacing_mm", "offset_bytes", "spherical" };
 
 struct raw_header {
 	struct bb_layout layout;
@@ -79,6 +81,21 @@ static enum bb_status set_word(struct raw_header *h, enum key key, const char *v
 	return BB_OK;
 }
 
+static enum bb_status set_spherical(struct bb_layout *l, char *value, const struct bb_where *where,
+                                    struct bb_error *err)
+{
+	const double *e = l->extent;
+	const enum bb_status status = numbers(value, 6, -10, 1e12, false, l->extent, where, err);
+
+	if (status)
+		return status;
+	/* Angles written with a few digits may be a little too large. */
+	if (!(e[0] >= 0 && e[1] > e[0] && e[2] >= 0 && e[3] > e[2] && e[3] < 3.1416 && e[5] > e[4] && e[5] - e[4] < 6.2833))
+		return bb_fail(err, BB_ERR_FORMAT, 1422, where, "no such part of a sphere");
+	l->spherical = true;
+	return BB_OK;
+}
+
 static enum bb_status set(struct raw_header *h, enum key key, char *value, const struct bb_where *where,
                           struct bb_error *err)
 {
@@ -107,6 +124,8 @@ static enum bb_status set(struct raw_header *h, enum key key, char *value, const
 		status = numbers(value, 1, 0, 1e12, true, v, where, err);
 		l->offset_bytes = status ? 0 : (uint64_t)v[0];
 		return status;
+	case KEY_SPHERICAL:
+		return set_spherical(l, value, where, err);
 	case KEY_COUNT:
 		break;
 	}

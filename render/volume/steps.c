@@ -19,6 +19,18 @@ struct bb_steps_file {
 	char path[BB_PATH_MAX_BYTES];
 };
 
+struct bb_generator {
+	const char *kind;
+	bb_generated_row *row;
+	const double *extent; /* NULL: a Cartesian grid */
+};
+
+static const struct bb_generator generators[] = {
+	{ "cme", bb_cme_row, NULL },     { "enlil", bb_enlil_row, bb_enlil_extent },
+	{ "delta", bb_delta_row, NULL }, { "wing", bb_wing_row, NULL },
+	{ "shock", bb_shock_row, NULL },
+};
+
 static bool ends_with(const char *path, const char *end)
 {
 	const size_t n = strlen(path), m = strlen(end);
@@ -107,6 +119,9 @@ static enum bb_status take(struct bb_steps *s, const struct bb_steps_file *f, st
 				       "%lld x %lld x %lld voxels, the first file has %lld x %lld x %lld",
 				       (long long)l->dim[0], (long long)l->dim[1], (long long)l->dim[2],
 				       (long long)first->dim[0], (long long)first->dim[1], (long long)first->dim[2]);
+	if (l->spherical != first->spherical || memcmp(l->extent, first->extent, sizeof(l->extent)) != 0)
+		return bb_fail(err, BB_ERR_FORMAT, 1446, &f->bytes.where,
+			       "its grid is another one than the first file's");
 	if (l->n_steps > (int64_t)(1u << 16) - s->n_steps)
 		return bb_fail(err, BB_ERR_FORMAT, 1404, &f->bytes.where, "more than 65536 steps");
 	s->n_steps += (uint32_t)l->n_steps;
@@ -114,6 +129,7 @@ static enum bb_status take(struct bb_steps *s, const struct bb_steps_file *f, st
 			  bb_voxel_bytes(l->type);
 	s->fingerprint = mixed(s->fingerprint, f->path, strlen(f->path));
 	s->fingerprint = mixed(s->fingerprint, &f->bytes.file_bytes, 8);
+	s->fingerprint = mixed(s->fingerprint, l->extent, sizeof(l->extent));
 	if (stat(f->path, &st) == 0) {
 		s->fingerprint = mixed(s->fingerprint, &st.st_mtim.tv_sec, sizeof(st.st_mtim.tv_sec));
 		s->fingerprint = mixed(s->fingerprint, &st.st_mtim.tv_nsec, sizeof(st.st_mtim.tv_nsec));
@@ -152,6 +168,8 @@ enum bb_status bb_steps_open(const char *const *paths, size_t n_paths, const cha
 		s->dim[a] = (uint32_t)s->files[0].layout.dim[a];
 		s->spacing_mm[a] = s->files[0].layout.spacing_mm[a];
 	}
+	s->spherical = s->files[0].layout.spherical;
+	memcpy(s->extent, s->files[0].layout.extent, sizeof(s->extent));
 	*out = s;
 	return BB_OK;
 }
@@ -159,9 +177,14 @@ enum bb_status bb_steps_open(const char *const *paths, size_t n_paths, const cha
 enum bb_status bb_steps_generate(const char *kind, const uint32_t dim[3], uint32_t n_steps, struct bb_steps **out,
 				 struct bb_error *err)
 {
+	size_t i = 0;
+
 	*out = NULL;
-	if (strcmp(kind, "cme"))
+	while (i < BB_ARRAY_LEN(generators) && strcmp(generators[i].kind, kind))
+		i++;
+	if (i == BB_ARRAY_LEN(generators))
 		return bb_fail(err, BB_ERR_CONFIG, 1430, NULL, "%.32s", kind);
+	const struct bb_generator *g = &generators[i];
 	for (int a = 0; a < 3; a++)
 		if (dim[a] < 4 || dim[a] > 1u << 16 || n_steps < 1 || n_steps > 1u << 16)
 			return bb_fail(err, BB_ERR_CONFIG, 1431, NULL, "%u x %u x %u voxels, %u steps", dim[0], dim[1],
@@ -170,13 +193,16 @@ enum bb_status bb_steps_generate(const char *kind, const uint32_t dim[3], uint32
 	if (!s)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a generator");
 	snprintf(s->name, sizeof(s->name), "%s", kind);
-	s->generator = "cme";
+	s->generator = g;
+	s->spherical = g->extent;
+	if (g->extent)
+		memcpy(s->extent, g->extent, sizeof(s->extent));
 	s->n_steps = n_steps;
 	for (int a = 0; a < 3; a++) {
 		s->dim[a] = dim[a];
 		s->spacing_mm[a] = 1;
 	}
-	s->fingerprint = mixed(mixed(UINT64_C(0xCBF29CE484222325), dim, 12), &n_steps, 4);
+	bb_steps_seed(s, 1);
 	*out = s;
 	return BB_OK;
 }
@@ -194,6 +220,15 @@ enum bb_status bb_steps_of_volume(const struct bb_volume *v, struct bb_steps **o
 	s->n_steps = v->n_steps;
 	s->memory = v;
 	return BB_OK;
+}
+
+void bb_steps_seed(struct bb_steps *s, uint32_t seed)
+{
+	if (!s->generator)
+		return;
+	s->seed = seed;
+	s->fingerprint = mixed(UINT64_C(0xCBF29CE484222325), s->generator->kind, strlen(s->generator->kind));
+	s->fingerprint = mixed(mixed(mixed(s->fingerprint, s->dim, 12), &s->n_steps, 4), &seed, 4);
 }
 
 void bb_steps_close(struct bb_steps *s)
@@ -255,12 +290,13 @@ static enum bb_status read_values(const struct bb_steps_file *f, uint64_t first,
 
 static void generate_rows(const struct bb_steps *s, uint32_t step, uint32_t z, uint32_t y, uint32_t n, float *out)
 {
+	const struct bb_generated g = { { s->dim[0], s->dim[1], s->dim[2] }, s->n_steps, s->seed };
 	double row[CHUNK];
 
 	for (uint32_t i = 0; i < n; i++, out += s->dim[0])
 		for (uint32_t x = 0; x < s->dim[0]; x += CHUNK) {
 			const uint32_t part = s->dim[0] - x < CHUNK ? s->dim[0] - x : CHUNK;
-			bb_cme_row(s->dim, s->n_steps, step, z, y + i, x, part, row);
+			s->generator->row(&g, step, z, y + i, x, part, row);
 			for (uint32_t k = 0; k < part; k++)
 				out[x + k] = (float)row[k];
 		}

@@ -40,6 +40,8 @@ struct bb_layout { /* how the voxels lie in the file; filled by a header parser,
 	bool big_endian;
 	double slope, intercept;
 	uint64_t offset_bytes;
+	bool spherical;   /* raw headers can say so */
+	double extent[6]; /* as in bb_steps */
 };
 /* n samples of the file at raw (overwritten when their bytes are the other way round) as values, scaled. */
 void bb_voxels_convert(const struct bb_layout *l, uint8_t *raw, size_t n, double *value);
@@ -59,9 +61,20 @@ BB_MUST_CHECK enum bb_status bb_volume_create(const int64_t dim[3], int64_t n_st
 BB_MUST_CHECK enum bb_status bb_nifti_layout(struct bb_bytes *bytes, struct bb_layout *out, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_raw_layout(const char *path, struct bb_layout *out, char voxels[BB_PATH_MAX_BYTES],
                                            struct bb_error *err);
-/* cme.c: n values of one row from x on, in 0 .. 1. */
-void bb_cme_row(const uint32_t dim[3], uint32_t n_steps, uint32_t step, uint32_t z, uint32_t y, uint32_t x, uint32_t n,
-                double *out);
+/* What is made instead of read: a pure function of these and of where a voxel is. */
+struct bb_generated {
+	uint32_t dim[3], n_steps, seed;
+};
+/* Of a step: 0 .. 1 through the sequence. */
+static inline double bb_generated_phase(const struct bb_generated *g, uint32_t step)
+{
+	return g->n_steps > 1 ? (double)step / ((double)g->n_steps - 1) : 0;
+}
+/* cme.c (in 0 .. 1), enlil.c, vortices.c, shock.c: n values of one row from x on. */
+typedef void bb_generated_row(const struct bb_generated *g, uint32_t step, uint32_t z, uint32_t y, uint32_t x, uint32_t n,
+			      double *out);
+bb_generated_row bb_cme_row, bb_enlil_row, bb_delta_row, bb_wing_row, bb_shock_row;
+extern const double bb_enlil_extent[6]; /* r, theta, phi: from, to */
 BB_MUST_CHECK enum bb_status bb_volume_load_nifti(const char *path, uint64_t cap_bytes, struct bb_volume **out,
                                                   struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_volume_load_raw(const char *path, uint64_t cap_bytes, struct bb_volume **out,

@@ -24,7 +24,7 @@ for file in $files; do
 done
 clang $cflags -O1 -o "$out/run" "tests/fuzz/fuzz_$name.c" tests/fuzz/replay.c $objects build/fuzz/libfuzz.a \
 	-fprofile-instr-generate -fsanitize=address,undefined -Wl,--as-needed \
-	$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus) -lm -lpthread -ldl
+	$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd) -lm -lpthread -ldl
 tests/fuzz/seeds.py "$out/seeds"
 LLVM_PROFILE_FILE=$out/raw "$out/run" "$out/seeds/$name" "tests/fuzz/corpus/$name" "$@" >/dev/null
 llvm-profdata merge -o "$out/data" "$out/raw"

@@ -6,7 +6,7 @@
 [ $# -gt 0 ] || set -- $(awk '/^[a-z]/ { print $1 }' tests/fuzz/plants.txt)
 cflags="-std=gnu11 -O2 -g1 -I. -DBB_FUZZ -fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer
 	$(pkg-config --cflags libusb-1.0 hidapi-hidraw libevdev libmodbus libgpiod)"
-libs="$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus) -lm -lpthread
+libs="$(pkg-config --libs yaml-0.1 zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd) -lm -lpthread
 	-ldl"
 export ASAN_OPTIONS=detect_leaks=0 TIMEFORMAT=%R
 failed=0 found=0
