@@ -402,6 +402,30 @@ static void new_bricks_are_drawn_at_once(void **ctx)
 	drawing_done(&d);
 }
 
+/* The same atlas with more slots, as after a change of budgets: all of it is sent again, and drawn as before. */
+static void an_atlas_may_grow(void **ctx)
+{
+	struct drawing d = drawing_of(fixture.volume, &fixture.transfer, 8, BB_BRICK_U16, 1, cover_leaves, NULL);
+	struct bb_atlas *atlas = &d.cover->atlas;
+	const uint32_t all = atlas->n_slots;
+
+	(void)ctx;
+	need_gl();
+	atlas->n_slots = 100; /* none but the first hundred is there */
+	for (size_t i = 0; i < (size_t)atlas->grid[0] * atlas->grid[1] * atlas->grid[2]; i++)
+		if (d.cover->map[0][i].slot >= 100)
+			d.cover->map[0][i] = (struct bb_atlas_cell){ BB_ATLAS_FLAT, 0, 0 };
+	assert_true(sent_for(&d.layer, 1) > 100 * atlas->slot_bytes);
+	for (size_t i = 0; i < (size_t)atlas->grid[0] * atlas->grid[1] * atlas->grid[2]; i++)
+		d.cover->map[0][i] = (struct bb_atlas_cell){ (int32_t)i, 0, 0 };
+	atlas->n_slots = all;
+	atlas->map_generation++;
+	assert_true(sent_for(&d.layer, 0.5) > all * atlas->slot_bytes);
+	assert_true(against_reference(&d.layer, 0, 0.5).psnr_db >= 55);
+	bb_renderer_forget(fixture.gl);
+	drawing_done(&d);
+}
+
 static void bricks_without_padding_are_refused(void **ctx)
 {
 	struct bb_bricks *b = cover_bricks(fixture.volume, 16, 0, BB_BRICK_U16);
@@ -747,6 +771,7 @@ int main(void)
 		cmocka_unit_test(levels_and_flat_cells_are_drawn_as_the_map_says),
 		cmocka_unit_test(only_what_changed_is_sent),
 		cmocka_unit_test(new_bricks_are_drawn_at_once),
+		cmocka_unit_test(an_atlas_may_grow),
 		cmocka_unit_test(bricks_without_padding_are_refused),
 		cmocka_unit_test(two_volumes_agree_with_the_reference),
 		cmocka_unit_test(meshes_between_them_do),

@@ -156,8 +156,19 @@ static enum bb_status adopt(struct bb_gl_copy *c, const struct bb_gl *gl, const 
 		return no_memory(err, "the bricks' texture");
 	c->generation = c->map_generation = UINT64_MAX; /* no generation is that old */
 	c->any_sent = false;
+	c->n_slots = atlas->n_slots;
+	c->stored = atlas->stored;
+	c->type = atlas->type;
+	memcpy(c->grid, atlas->grid, sizeof(c->grid));
 	c->atlas = atlas;
 	return BB_OK;
+}
+
+/* A streamer whose budget changes has another number of slots at the same address. */
+static bool adopted(const struct bb_gl_copy *c, const struct bb_atlas *atlas)
+{
+	return c->atlas == atlas && c->n_slots == atlas->n_slots && c->stored == atlas->stored && c->type == atlas->type &&
+	       !memcmp(c->grid, atlas->grid, sizeof(c->grid));
 }
 
 /* ---- bricks ---- */
@@ -334,7 +345,7 @@ enum bb_status bb_gl_copy_update(struct bb_gl_copy *c, const struct bb_gl *gl, s
 {
 	enum bb_status st = BB_OK;
 
-	if (c->atlas != layer->atlas)
+	if (!adopted(c, layer->atlas))
 		st = adopt(c, gl, layer->atlas, err);
 	if (st == BB_OK)
 		st = send_table(c, gl, layer->transfer, draw->step_voxels,

@@ -16,6 +16,8 @@ struct bb_gl_copy {
 	GLuint name[BB_GL_TEXTURES];
 	/* what they were made from */
 	const struct bb_atlas *atlas; /* NULL: of none yet */
+	uint32_t n_slots, stored, grid[3];
+	enum bb_brick_type type;
 	struct bb_transfer transfer;
 	double step_voxels;
 	uint32_t levels;                 /* rows of the table; 0: none yet */
