@@ -92,8 +92,8 @@ static void grids(void **ctx)
 	bb_trade_grid_usual(&g, &o, true, 8);
 	assert_int_equal(bb_trade_grid_make(&g, false, &item, &n, &err), BB_OK);
 	assert_int_equal(item[0].knob, BB_KNOB_NONE);
-	/* 5 budgets each, 4 selectors, 4 tolerances, 4 steps, 3 bricks, 4 types; four of them are the scene's own. */
-	assert_int_equal(n, 1 + 5 + 5 + 3 + 4 + 3 + 2 + 3);
+	/* 5 budgets each, 5 selectors, 4 tolerances, 4 steps, 3 bricks, 4 types; four of them are the scene's own. */
+	assert_int_equal(n, 1 + 5 + 5 + 4 + 4 + 3 + 2 + 3);
 	for (size_t i = 1; i < n; i++)
 		assert_int_not_equal(item[i].knob, BB_KNOB_NONE);
 	free(item);

@@ -25,6 +25,7 @@ void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_coun
 			continue;
 		}
 		s->slot_generation[load->slot] = ++s->atlas.generation;
+		counts->arrived++;
 	}
 }
 
