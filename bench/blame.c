@@ -313,6 +313,19 @@ static void tell_incident(const struct blame *m, const struct bb_incident *in, s
 	b->cause_ns = m->worst->at_ns - m->scene_start_ns;
 }
 
+/* The bricks a late frame would have been in time without. */
+static void tell_bricks(const struct blame *m, const struct spender *s, const char *took, char *out, size_t cap)
+{
+	const struct bb_stream_result *r = &m->r->streaming;
+	const struct bb_stream_load *l = s->node < r->n_nodes ? &r->nodes[s->node].worst : NULL;
+
+	if (l && l->frame == s->worst->frame)
+		bb_text_format(out, cap, "loading %u brick%s (%llu bytes) took %.4g of %.4g ms", l->bricks,
+		               l->bricks == 1 ? "" : "s", (unsigned long long)l->bytes, l->ms, l->frame_ms);
+	else
+		bb_text_format(out, cap, "loading bricks took %s ms", took);
+}
+
 static void tell_spender(const struct blame *m, const struct spender *s, struct bb_budget_result *b)
 {
 	const struct bb_metric_info *info = bb_metric_info(b->budget.metric);
@@ -327,7 +340,9 @@ static void tell_spender(const struct blame *m, const struct spender *s, struct 
 	bb_text_number(value, sizeof(value), s->worst->value);
 	bb_text_number(limit, sizeof(limit), m->limit);
 	bb_text_number(took, sizeof(took), ms);
-	if (!isnan(ms) && b->budget.metric == BB_METRIC_FRAME)
+	if (b->budget.metric == BB_METRIC_FRAME && s->stage == BB_STAGE_SELECT)
+		tell_bricks(m, s, took, what, sizeof(what));
+	else if (!isnan(ms) && b->budget.metric == BB_METRIC_FRAME)
 		bb_text_format(what, sizeof(what), "%s took %s ms", bb_stage_text(s->stage), took);
 	else if (!isnan(ms))
 		bb_text_format(what, sizeof(what), "%s took %s ms, %s %s %s", bb_stage_text(s->stage), took, info->name,

@@ -21,10 +21,10 @@ bool bb_data_is_bricks(const struct bb_scene *scene)
 enum bb_status bb_data_steps(const struct bb_scene *s, const char *scratch, struct bb_steps **out, struct bb_error *err)
 {
 	const char *const paths[] = { s->data.file };
-	const uint32_t edge = (uint32_t)s->data.edge_voxels, dim[3] = { edge, edge, edge };
+	const uint32_t edge = (uint32_t)s->data.edge_voxels, cube[3] = { edge, edge, edge };
 
 	if (s->data.generate[0])
-		return bb_steps_generate(s->data.generate, dim, (uint32_t)s->data.steps, out, err);
+		return bb_steps_generate(s->data.generate, s->data.dim[0] ? s->data.dim : cube, (uint32_t)s->data.steps, out, err);
 	return bb_steps_open(paths, 1, scratch, out, err);
 }
 

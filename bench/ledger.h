@@ -60,7 +60,8 @@ struct bb_frame_row { /* a line of frames.csv; NAN is written as NA */
 	double head_to_photon_ms, frame_ms, swap_skew_us, scanout_skew_us, phase_us, pose_age_ms, pose_error_mm,
 		photon_error_mm;
 	uint32_t cameras, bricks_wanted, bricks_missing, bricks_loaded, late_node; /* late_node: 0xFFFFFFFF none */
-	uint64_t bytes;
+	uint64_t bytes, deficit;  /* deficit: leaf cells coarser than planned, all nodes */
+	double upload_ms;         /* spent on bricks by the node that spent most */
 	unsigned flags;           /* enum bb_frame_flags */
 };
 enum bb_frame_flags { BB_FRAME_TORN = 1, BB_FRAME_EYES_SWAPPED = 2, BB_FRAME_MONO = 4, BB_FRAME_POSE_OLD = 8, BB_FRAME_VIEW_CLAMPED = 16 };

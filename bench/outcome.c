@@ -257,6 +257,7 @@ void bb_outcome_gather(const struct bb_outcome_sources *s, struct bb_run_result 
 	gather_incidents(s, r);
 	gather_faults(s, r);
 	gather_pictures(s, r);
+	bb_streaming_gather(s->loop);
 	sample_devices(s, r);
 	gather_stages(s, r);
 	gather_facts(s, r);

@@ -33,6 +33,7 @@ void bb_run_result_free(struct bb_run_result *r)
 	free(r->incidents);
 	free(r->faults);
 	free(r->pictures);
+	free(r->streaming.nodes);
 	free(r->path);
 	free(r);
 }
@@ -67,6 +68,48 @@ void bb_result_fact(struct bb_run_result *r, const char *key, const char *fmt, .
 	va_end(ap);
 	snprintf(fact->key, sizeof(fact->key), "%s", key);
 	bb_text_clean(fact->value, sizeof(fact->value), text);
+}
+
+/* ---- brick loads ---- */
+
+/* The node whose frames spent most on bricks: on those that were late for it, else on any. */
+static size_t spender(const struct bb_stream_result *s, uint64_t *late)
+{
+	size_t best = s->n_nodes;
+
+	*late = 0;
+	for (size_t i = 0; i < s->n_nodes; i++)
+		*late += s->nodes[i].late;
+	for (size_t i = 0; i < s->n_nodes; i++) {
+		const struct bb_stream_node *n = &s->nodes[i], *b = best < s->n_nodes ? &s->nodes[best] : NULL;
+		if (!n->frames || (*late && !n->late))
+			continue;
+		if (!b || (*late ? n->worst.frame_ms > b->worst.frame_ms : n->most.ms > b->most.ms))
+			best = i;
+	}
+	return best;
+}
+
+void bb_result_loads(const struct bb_run_result *r, char *out, size_t cap)
+{
+	const struct bb_stream_result *s = &r->streaming;
+	uint64_t late;
+	const size_t i = spender(s, &late);
+
+	out[0] = '\0';
+	if (i == s->n_nodes)
+		return;
+	const struct bb_stream_load *l = late ? &s->nodes[i].worst : &s->nodes[i].most;
+	const char *node = r->room->nodes[i].id;
+	if (late)
+		bb_text_format(out, cap, "brick loads made %llu frame%s late; the worst at %.3f s: node/%s read %u brick%s "
+		               "(%.1f KiB), %.3f ms of a frame of %.3f ms (limit %.2f ms)",
+		               (unsigned long long)late, late == 1 ? "" : "s", (double)l->at_ns * 1e-9, node, l->bricks,
+		               l->bricks == 1 ? "" : "s", (double)l->bytes / 1024, l->ms, l->frame_ms, s->limit_ms);
+	else
+		bb_text_format(out, cap, "no brick load spent a frame; the most was %.3f ms of %.2f ms, on node/%s at %.3f s "
+		               "(%u brick%s, %.1f KiB)", l->ms, s->limit_ms, node, (double)l->at_ns * 1e-9, l->bricks,
+		               l->bricks == 1 ? "" : "s", (double)l->bytes / 1024);
 }
 
 /* ---- the verdict table ---- */

@@ -75,6 +75,43 @@ struct bb_picture_result {
 	uint64_t rays, samples;
 };
 
+struct bb_stream_load { /* what one frame of one node spent on bricks */
+	uint64_t frame;
+	int64_t at_ns;             /* scene time */
+	uint32_t bricks;
+	uint64_t bytes;
+	double ms, frame_ms;       /* spent on them; on the whole frame, them included */
+};
+
+struct bb_stream_total {           /* over the frames of a node */
+	uint64_t sum, most;
+};
+
+struct bb_stream_node {
+	uint64_t frames;           /* 0: the node draws no volume */
+	uint64_t budget_bytes, held_bytes; /* of memory, 0: no limit; held at most, at the end of any frame */
+	uint32_t budget_bricks;    /* a frame; 0: no limit */
+	struct bb_stream_total loaded, bytes, drawn, missing, deficit; /* deficit: leaf cells coarser than planned */
+	uint64_t evicted, prefetched, failed, odd; /* odd: values out of range, in all bricks read */
+	double load_sum_ms;
+	struct bb_stream_load most; /* the frame that spent most on bricks */
+	uint64_t late;             /* frames over the limit that would have held it without their bricks */
+	struct bb_stream_load worst; /* of them, the longest */
+	int error;                 /* why the last brick that failed could not be read; 0: none */
+	char error_text[160];
+};
+
+struct bb_stream_result {          /* n_nodes 0: there is no volume */
+	uint64_t data_bytes;       /* the values of all steps as the bricks keep them, padding not counted */
+	uint64_t leaf_bytes;       /* the same as bricks in memory */
+	uint64_t leaf_cells;       /* of one step */
+	uint64_t brick_bytes;      /* of one in memory */
+	double limit_ms;           /* what a frame may take: the room's or the scene's budget, or the time to the next one */
+	bool measured;             /* posix: times are real ones */
+	size_t n_nodes;
+	struct bb_stream_node *nodes; /* by room node */
+};
+
 struct bb_counter {
 	char name[48];             /* "bytes_streamed", "bricks_loaded" ... deterministic on the virtual clock */
 	uint64_t value;
@@ -120,6 +157,7 @@ struct bb_run_result {
 	struct bb_picture_result *pictures;
 	size_t n_counters;
 	struct bb_counter counters[BB_COUNTERS_MAX];
+	struct bb_stream_result streaming;
 	size_t n_path;
 	struct bb_path_point *path;
 	size_t n_facts;               /* versions, hashes, cost profile, GL, build, machine */
@@ -131,6 +169,9 @@ void bb_run_result_free(struct bb_run_result *r); /* NULL allowed */
 void bb_result_count(struct bb_run_result *r, const char *name, uint64_t add);
 BB_PRINTF(3, 4)
 void bb_result_fact(struct bb_run_result *r, const char *key, const char *fmt, ...);
+
+/* Did brick loads make frames late, and which one most? A sentence for a person; "" without a volume. */
+void bb_result_loads(const struct bb_run_result *r, char *out, size_t cap);
 
 /* Judge every budget of room and scene by the ledger; fills r->budgets, r->verdict, r->exit_code. See bench/budget.c. */
 BB_MUST_CHECK enum bb_status bb_result_judge(struct bb_run_result *r);

@@ -24,6 +24,7 @@ struct bb_scene {
 		char file[BB_PATH_MAX_BYTES]; /* "" with generate set */
 		char generate[BB_ID_MAX];     /* "cme", "enlil", "delta", "wing", "shock" */
 		int64_t edge_voxels, steps;   /* of a generated one */
+		uint32_t dim[3];              /* of a generated one that is no cube; else 0 */
 		double seconds_per_step;
 		enum bb_loop loop;
 		double width_m;               /* longest edge of the volume in the room */

@@ -238,6 +238,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	l->send = (struct bb_timer){ .step = bb_head_send, .rank = 3 };
 	l->head_inbox = (struct bb_timer){ .step = bb_head_inbox, .rank = 3 };
 	l->deadline = (struct bb_timer){ .step = bb_head_deadline, .rank = 4 };
+	bb_streaming_begin(l);
 	if (l->rig->shutter)
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
 	take_slots(l);

@@ -4,6 +4,7 @@
  *   head.c    begins a frame at the master display's vblank: cameras -> tracker -> pose at photon time; gamepads ->
  *             navigation; scene state to every node; swap barrier; release.
  *   node.c    on scene state: select, stream, draw (or cost the drawing); arrive; on release: present.
+ *   streaming.c  what every node asked of its disk and what that cost its frames.
  *   frames.c  what each frame did, closed into the ledger when its last flip is known.
  *   shutters.c, eyes of the room: edges -> phase, polarity.
  *
@@ -53,7 +54,8 @@ struct bb_frame {
 	uint16_t last_flip_screen, late_screen, swapped_screen;
 	bool eyes_swapped;
 	uint32_t bricks_wanted, bricks_missing, bricks_loaded;
-	uint64_t bytes;
+	uint64_t bytes, deficit;
+	int64_t load_ns;                  /* the most a node spent on bricks */
 	unsigned view_flags;
 };
 
@@ -80,6 +82,12 @@ struct bb_node_machine { /* one node of the room */
 	struct bb_stream_io *io;          /* posix: its reader */
 	struct bb_stream_disk *disk;      /* virtual: the model of one */
 	int64_t draw_ns;                  /* of the last frame, without what was uploaded */
+	struct bb_stream_counts counts;   /* of the frame being drawn, */
+	int64_t load_ns;                  /* and what it spends on its bricks */
+	uint64_t waiting;                 /* bricks asked for and not here, */
+	int64_t arrived_ns;               /* and when one came last, or the first of them was asked for */
+	size_t stall;                     /* 1 + the warning that none come; 0: none */
+	bool failure_told;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
 	struct bb_timer inbox, ready, hold;
@@ -190,6 +198,10 @@ void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n);
+void bb_streaming_begin(struct bb_frame_loop *l);
+void bb_streaming_frame(struct bb_node_machine *n, const struct bb_stream_counts *c, int64_t now_ns);
+bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t ready_ns);
+void bb_streaming_gather(const struct bb_frame_loop *l);
 void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns);
 void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);

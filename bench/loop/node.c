@@ -71,7 +71,9 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 		f->bricks_missing += c.missing;
 		f->bricks_loaded += c.loaded;
 		f->bytes += c.bytes;
+		f->deficit += c.deficit;
 	}
+	bb_streaming_frame(n, &c, frame.now_ns);
 	bb_result_count(l->result, "bricks_wanted", c.drawn);
 	bb_result_count(l->result, "bricks_missing", c.missing);
 	bb_result_count(l->result, "bricks_loaded", c.loaded);
@@ -163,12 +165,13 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
-	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn);
-	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) +
-	                   bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
+	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes) - n->draw_ns;
+	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn) + n->load_ns;
+	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns;
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
+		n->load_ns = c.loaded || c.arrived ? selected_ns - now_ns : 0;
 		draw_all(n);
 		ready_ns = bb_clock_now_ns(l->clk) + plant_ns(l, n, now_ns);
 	}
@@ -177,6 +180,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (f) {
 		f->node[n->index].received_ns = now_ns;
 		f->node[n->index].selected_ns = selected_ns;
+		f->load_ns = n->load_ns > f->load_ns ? n->load_ns : f->load_ns;
 	}
 	bb_eventlog_add(l->events, n->source, BB_EV_SELECT, now_ns, c.drawn, (int64_t)c.bytes);
 	if (bb_clock_arm(l->clk, &n->ready, ready_ns) != BB_OK)
@@ -193,8 +197,10 @@ int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (f) {
 		struct bb_node_times *t = &f->node[n->index];
 		t->ready_ns = scheduled_ns;
+		const bool by_bricks = bb_streaming_ready(n, t->received_ns, t->ready_ns);
 		const struct bb_sample s = { .value = (double)(t->ready_ns - t->received_ns) * 1e-6, .frame = n->frame,
-			                     .at_ns = now_ns, .node = n->index, .stage = BB_STAGE_DRAW };
+			                     .at_ns = now_ns, .node = n->index,
+			                     .stage = by_bricks ? BB_STAGE_SELECT : BB_STAGE_DRAW };
 		bb_ledger_sample(l->ledger, BB_METRIC_FRAME, &s);
 		bb_eventlog_add(l->events, n->source, BB_EV_DRAW, now_ns, (int64_t)n->frame,
 		                t->ready_ns - t->selected_ns);

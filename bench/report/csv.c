@@ -29,7 +29,7 @@ static void put_flags(FILE *f, unsigned flags)
 			fprintf(f, "%s%s", separator, names[i].name);
 			separator = "+";
 		}
-	fputs(flags ? "\n" : ",NA\n", f);
+	fputs(flags ? "" : ",NA", f);
 }
 
 static void put_row(FILE *f, const struct bb_run_result *r, const struct bb_frame_row *row)
@@ -51,6 +51,9 @@ static void put_row(FILE *f, const struct bb_run_result *r, const struct bb_fram
 	else
 		fputs("NA", f);
 	put_flags(f, row->flags);
+	fprintf(f, ",%llu", (unsigned long long)row->deficit);
+	put_number(f, row->upload_ms);
+	fputs("\n", f);
 }
 
 enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *path, struct bb_error *err)
@@ -64,7 +67,8 @@ enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *pa
 		return st;
 	fputs("frame,start_clock_ns,start_scene_s,head_to_photon_ms,frame_ms,swap_skew_us,scanout_skew_us,phase_us,"
 	      "pose_age_ms,pose_error_mm,photon_error_mm,cameras_count,bricks_wanted_count,bricks_missing_count,"
-	      "bricks_loaded_count,streamed_bytes,late_node,flags\n",
+	      "bricks_loaded_count,streamed_bytes,late_node,flags,"
+	      "level_deficit_cells,brick_load_ms\n",
 	      f.out);
 	for (size_t i = 0; i < n; i++)
 		put_row(f.out, r, &row[i]);

@@ -127,13 +127,13 @@ static void end(FILE *f)
 	fputs("</section>\n", f);
 }
 
-static void put_navigation(FILE *f)
+static void put_navigation(FILE *f, const struct bb_run_result *r)
 {
-	fputs("<nav><a href=\"#verdicts\">Verdicts</a><a href=\"#trouble\">Incidents</a><a href=\"#latency\">Latency</a>"
-	      "<a href=\"#time\">Over time</a><a href=\"#room\">Room</a><a href=\"#pictures\">Pictures</a>"
-	      "<a href=\"#devices\">Devices</a><a href=\"#counters\">Counters</a>"
-	      "<a href=\"#configuration\">Configuration</a><a href=\"#versions\">Versions</a></nav>\n",
-	      f);
+	fprintf(f, "<nav><a href=\"#verdicts\">Verdicts</a><a href=\"#trouble\">Incidents</a><a href=\"#latency\">Latency</a>"
+	        "<a href=\"#time\">Over time</a>%s<a href=\"#room\">Room</a><a href=\"#pictures\">Pictures</a>"
+	        "<a href=\"#devices\">Devices</a><a href=\"#counters\">Counters</a>"
+	        "<a href=\"#configuration\">Configuration</a><a href=\"#versions\">Versions</a></nav>\n",
+	        r->streaming.n_nodes ? "<a href=\"#streaming\">Streaming</a>" : "");
 }
 
 static void put_latency(FILE *f, const struct bb_run_result *r)
@@ -162,7 +162,7 @@ static void put_page(FILE *f, const struct bb_run_result *r, const char *dir, co
 {
 	put_head(f, r);
 	put_banner(f, r);
-	put_navigation(f);
+	put_navigation(f, r);
 	begin(f, "verdicts", "Verdicts", NULL);
 	bb_report_verdicts(f, r);
 	end(f);
@@ -174,6 +174,11 @@ static void put_page(FILE *f, const struct bb_run_result *r, const char *dir, co
 	      "Every frame, in seconds of the scene. Dashed: the limit; tinted: an incident; arrow: a planted fault.");
 	bb_plot_series(f, r);
 	end(f);
+	if (r->streaming.n_nodes) {
+		begin(f, "streaming", "Streaming", NULL);
+		bb_report_streaming(f, r);
+		end(f);
+	}
 	put_room(f, room_svg);
 	begin(f, "pictures", "Pictures",
 	      "Left and right eye of each wall, with PSNR against full resolution where it was measured.");

@@ -199,6 +199,84 @@ static json_t *pictures_json(const struct bb_run_result *r)
 	return a;
 }
 
+static json_t *load_json(const struct bb_run_result *r, const struct bb_stream_load *l, size_t node)
+{
+	json_t *o = json_object();
+
+	json_object_set_new(o, "frame", whole(l->frame));
+	json_object_set_new(o, "at_s", seconds(l->at_ns));
+	json_object_set_new(o, "node", text(node_text(r, (uint16_t)node)));
+	json_object_set_new(o, "bricks", whole(l->bricks));
+	json_object_set_new(o, "bytes", whole(l->bytes));
+	json_object_set_new(o, "ms", number(l->ms));
+	json_object_set_new(o, "frame_ms", number(l->frame_ms));
+	json_object_set_new(o, "share_of_limit", number(l->ms / r->streaming.limit_ms));
+	return o;
+}
+
+static json_t *total_json(const struct bb_stream_total *t, uint64_t frames)
+{
+	json_t *o = json_object();
+
+	json_object_set_new(o, "mean", number((double)t->sum / (double)frames));
+	json_object_set_new(o, "most", whole(t->most));
+	return o;
+}
+
+static json_t *stream_node_json(const struct bb_run_result *r, size_t i)
+{
+	const struct bb_stream_node *n = &r->streaming.nodes[i];
+	const double budget = n->budget_bytes ? (double)n->budget_bytes : BB_UNKNOWN;
+	json_t *o = json_object();
+
+	json_object_set_new(o, "node", text(r->room->nodes[i].id));
+	json_object_set_new(o, "memory_budget_bytes", n->budget_bytes ? whole(n->budget_bytes) : json_null());
+	json_object_set_new(o, "memory_held_bytes", whole(n->held_bytes));
+	json_object_set_new(o, "data_over_memory", number((double)r->streaming.data_bytes / budget));
+	json_object_set_new(o, "bricks_a_frame_budget", n->budget_bricks ? whole(n->budget_bricks) : json_null());
+	json_object_set_new(o, "bricks_read", total_json(&n->loaded, n->frames));
+	json_object_set_new(o, "bytes_read", total_json(&n->bytes, n->frames));
+	json_object_set_new(o, "bricks_drawn", total_json(&n->drawn, n->frames));
+	json_object_set_new(o, "bricks_missing", total_json(&n->missing, n->frames));
+	json_object_set_new(o, "deficit_cells", total_json(&n->deficit, n->frames));
+	json_object_set_new(o, "evicted", whole(n->evicted));
+	json_object_set_new(o, "prefetched", whole(n->prefetched));
+	json_object_set_new(o, "values_out_of_range", whole(n->odd));
+	json_object_set_new(o, "failed", whole(n->failed));
+	json_object_set_new(o, "error", n->error ? json_integer(n->error) : json_null());
+	json_object_set_new(o, "error_text", n->error ? text(n->error_text) : json_null());
+	json_object_set_new(o, "mean_load_share_of_limit",
+	                    number(n->load_sum_ms / (double)n->frames / r->streaming.limit_ms));
+	json_object_set_new(o, "most_spent", load_json(r, &n->most, i));
+	json_object_set_new(o, "frames_late_by_bricks", whole(n->late));
+	json_object_set_new(o, "worst_late", n->late ? load_json(r, &n->worst, i) : json_null());
+	return o;
+}
+
+static json_t *streaming_json(const struct bb_run_result *r)
+{
+	const struct bb_stream_result *s = &r->streaming;
+	json_t *o, *nodes;
+	char sentence[256];
+
+	if (!s->n_nodes)
+		return json_null();
+	o = json_object();
+	nodes = json_array();
+	for (size_t i = 0; i < s->n_nodes; i++)
+		if (s->nodes[i].frames)
+			json_array_append_new(nodes, stream_node_json(r, i));
+	bb_result_loads(r, sentence, sizeof(sentence));
+	json_object_set_new(o, "data_bytes", whole(s->data_bytes));
+	json_object_set_new(o, "leaf_brick_bytes", whole(s->leaf_bytes));
+	json_object_set_new(o, "leaf_cells", whole(s->leaf_cells));
+	json_object_set_new(o, "brick_bytes", whole(s->brick_bytes));
+	json_object_set_new(o, "frame_limit_ms", number(s->limit_ms));
+	json_object_set_new(o, "brick_loads", text(sentence));
+	json_object_set_new(o, "nodes", nodes);
+	return o;
+}
+
 static int by_counter(const void *a, const void *b)
 {
 	return strcmp(((const struct bb_counter *)a)->name, ((const struct bb_counter *)b)->name);
@@ -285,6 +363,7 @@ char *bb_result_json_text(const struct bb_run_result *r)
 	json_object_set_new(root, "stages", stages_json(r));
 	json_object_set_new(root, "devices", devices_json(r));
 	json_object_set_new(root, "pictures", pictures_json(r));
+	json_object_set_new(root, "streaming", streaming_json(r));
 	json_object_set_new(root, "counters", counters_json(r));
 	json_object_set_new(root, "gate", bb_gate_section(r));
 	json_object_set_new(root, "facts", facts_json(r));

@@ -287,7 +287,16 @@ void bb_plot_distribution(FILE *f, const struct bb_run_result *r, enum bb_metric
 
 /* ---- over time ---- */
 
-enum row_value { ROW_HEAD_TO_PHOTON, ROW_FRAME, ROW_SWAP_SKEW, ROW_PHASE, ROW_PHOTON_ERROR };
+enum row_value {
+	ROW_HEAD_TO_PHOTON,
+	ROW_FRAME,
+	ROW_SWAP_SKEW,
+	ROW_PHASE,
+	ROW_PHOTON_ERROR,
+	ROW_BRICKS_LOADED,
+	ROW_BRICKS_MISSING,
+	ROW_DEFICIT
+};
 
 static double row_value(const struct bb_frame_row *row, enum row_value which)
 {
@@ -302,14 +311,21 @@ static double row_value(const struct bb_frame_row *row, enum row_value which)
 		return row->phase_us;
 	case ROW_PHOTON_ERROR:
 		return row->photon_error_mm;
+	case ROW_BRICKS_LOADED:
+		return row->bricks_loaded;
+	case ROW_BRICKS_MISSING:
+		return row->bricks_missing;
+	case ROW_DEFICIT:
+		return (double)row->deficit;
 	}
 	return BB_UNKNOWN;
 }
 
 struct panel {
 	enum row_value value;
-	enum bb_metric metric;
+	enum bb_metric metric; /* BB_METRIC_COUNT: none, */
 	const char *title;
+	const char *unit;      /* then this */
 };
 
 #define COLUMNS 880
@@ -425,7 +441,7 @@ static void range_of(const struct column *column, double limit, struct axes *a)
 
 static void put_panel(FILE *f, const struct bb_run_result *r, const struct panel *p, struct column *column)
 {
-	const struct bb_metric_info *info = bb_metric_info(p->metric);
+	const char *unit = p->unit ? p->unit : bb_report_unit(bb_metric_info(p->metric)->unit);
 	const double limit = bb_report_limit(r, p->metric);
 	const struct bb_frame_row *row;
 	const size_t n = bb_ledger_rows(r->ledger, &row);
@@ -441,27 +457,44 @@ static void put_panel(FILE *f, const struct bb_run_result *r, const struct panel
 	begin_svg(f, WIDTH, 144, p->title);
 	fprintf(f, "<text x=\"0\" y=\"14\" font-size=\"13\"><tspan font-weight=\"600\" fill=\"" INK "\">%s</tspan>"
 	           "<tspan fill=\"" SOFT "\" dx=\"6\">%s</tspan></text>",
-	        p->title, bb_report_unit(info->unit));
+	        p->title, unit);
 	put_y_axis(f, &a, 3);
 	put_bands(f, r, &a);
 	put_curve(f, &a, column);
-	put_limit(f, &a, bb_report_budget(r, p->metric), bb_report_unit(info->unit));
+	put_limit(f, &a, bb_report_budget(r, p->metric), unit);
 	put_x_axis(f, &a, 10, NULL);
 	fputs("</svg></figure>\n", f);
+}
+
+static void put_panels(FILE *f, const struct bb_run_result *r, const struct panel *panels, size_t n)
+{
+	struct column *column = calloc(COLUMNS, sizeof(*column));
+
+	for (size_t i = 0; column && i < n; i++)
+		put_panel(f, r, &panels[i], column);
+	free(column);
 }
 
 void bb_plot_series(FILE *f, const struct bb_run_result *r)
 {
 	static const struct panel panels[] = {
-		{ ROW_HEAD_TO_PHOTON, BB_METRIC_HEAD_TO_PHOTON, "Head to photon" },
-		{ ROW_FRAME, BB_METRIC_FRAME, "Frame time, slowest node" },
-		{ ROW_SWAP_SKEW, BB_METRIC_SWAP_SKEW, "Swap skew" },
-		{ ROW_PHASE, BB_METRIC_PHASE, "Shutter phase, worst stage" },
-		{ ROW_PHOTON_ERROR, BB_METRIC_PHOTON_ERROR, "Head position error at the photon" },
+		{ ROW_HEAD_TO_PHOTON, BB_METRIC_HEAD_TO_PHOTON, "Head to photon", NULL },
+		{ ROW_FRAME, BB_METRIC_FRAME, "Frame time, slowest node", NULL },
+		{ ROW_SWAP_SKEW, BB_METRIC_SWAP_SKEW, "Swap skew", NULL },
+		{ ROW_PHASE, BB_METRIC_PHASE, "Shutter phase, worst stage", NULL },
+		{ ROW_PHOTON_ERROR, BB_METRIC_PHOTON_ERROR, "Head position error at the photon", NULL },
 	};
-	struct column *column = calloc(COLUMNS, sizeof(*column));
 
-	for (size_t i = 0; column && i < BB_ARRAY_LEN(panels); i++)
-		put_panel(f, r, &panels[i], column);
-	free(column);
+	put_panels(f, r, panels, BB_ARRAY_LEN(panels));
+}
+
+void bb_plot_streaming(FILE *f, const struct bb_run_result *r)
+{
+	static const struct panel panels[] = {
+		{ ROW_BRICKS_LOADED, BB_METRIC_COUNT, "Bricks read in a frame", "all nodes" },
+		{ ROW_BRICKS_MISSING, BB_METRIC_COUNT, "Bricks missing", "all nodes" },
+		{ ROW_DEFICIT, BB_METRIC_COUNT, "Cells drawn coarser than planned", "all nodes, in bricks of full resolution" },
+	};
+
+	put_panels(f, r, panels, BB_ARRAY_LEN(panels));
 }

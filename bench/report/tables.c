@@ -1,5 +1,5 @@
 /*
- * bench/report/tables.c: the report's tables and its pictures. A room of 416 monitors must stay readable: devices are
+ * bench/report/tables.c: the report's tables. A room of 416 monitors must stay readable: devices are
  * grouped by class, those that misbehaved stand alone, the full list is folded away.
  */
 #include "bench/report/html.h"
@@ -11,50 +11,6 @@
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
-
-static void cell(FILE *f, const char *class_name, const char *text)
-{
-	if (class_name)
-		fprintf(f, "<td class=\"%s\">", class_name);
-	else
-		fputs("<td>", f);
-	bb_put_markup(f, text);
-	fputs("</td>", f);
-}
-
-static void cell_number(FILE *f, double v)
-{
-	char text[32];
-
-	cell(f, "n", isnan(v) ? "\xE2\x80\x93" : bb_text_number(text, sizeof(text), v));
-}
-
-static void cell_count(FILE *f, uint64_t v)
-{
-	char plain[24], grouped[40];
-	size_t k = 0;
-
-	bb_text_format(plain, sizeof(plain), "%llu", (unsigned long long)v);
-	for (size_t i = 0, n = strlen(plain); i < n; i++) {
-		if (i && (n - i) % 3 == 0) { /* U+2009, a thin space; cells do not break */
-			memcpy(grouped + k, "\xE2\x80\x89", 3);
-			k += 3;
-		}
-		grouped[k++] = plain[i];
-	}
-	grouped[k] = '\0';
-	cell(f, "n", grouped);
-}
-
-/* ms with microseconds: one column, one number of decimals. */
-static void cell_ms(FILE *f, double v)
-{
-	char text[32] = "\xE2\x80\x93";
-
-	if (!isnan(v))
-		bb_text_format(text, sizeof(text), "%.3f", v);
-	cell(f, "n", text);
-}
 
 /* ---- verdicts ---- */
 
@@ -85,15 +41,15 @@ static void put_budget(FILE *f, const struct bb_budget_result *b)
 	if (b->budget.where.file)
 		bb_put_markupf(f, " (%s:%d)", b->budget.where.file, b->budget.where.line);
 	fprintf(f, "\">%s <span class=\"stat\">%s</span></td>", info->name, bb_stat_text(b->budget.stat));
-	cell_number(f, b->value);
+	bb_cell_number(f, b->value);
 	bb_text_number(number, sizeof(number), b->uncertainty);
 	bb_text_format(text, sizeof(text), "%s%s %s", b->uncertainty > 0 ? "\xC2\xB1\xE2\x80\xAF" : "",
 	               b->uncertainty > 0 ? number : "", isnan(b->value) ? "" : bb_report_unit(info->unit));
-	cell(f, "u", text);
+	bb_cell(f, "u", text);
 	bb_text_format(text, sizeof(text), "%s %s", info->lower_limit ? "\xE2\x89\xA5" : "\xE2\x89\xA4",
 	               bb_text_number(number, sizeof(number), b->budget.limit));
-	cell(f, "n", text);
-	cell(f, "u", bb_report_unit(info->unit));
+	bb_cell(f, "n", text);
+	bb_cell(f, "u", bb_report_unit(info->unit));
 	fprintf(f, "<td class=\"w\"><span class=\"tag %s\">%s</span></td>", verdict, verdict);
 	put_cause(f, b);
 	fputs("</tr>\n", f);
@@ -116,7 +72,7 @@ static void cell_seconds(FILE *f, int64_t ns, const char *never)
 	char text[32];
 
 	bb_text_format(text, sizeof(text), "%.3f s", (double)ns * 1e-9);
-	cell(f, "n", ns == BB_NEVER ? never : text);
+	bb_cell(f, "n", ns == BB_NEVER ? never : text);
 }
 
 static void put_incidents(FILE *f, const struct bb_run_result *r)
@@ -129,10 +85,10 @@ static void put_incidents(FILE *f, const struct bb_run_result *r)
 		fputs("<tr><td class=\"w\"><b class=\"who\">", f);
 		bb_put_markup(f, in->culprit);
 		fputs("</b></td>", f);
-		cell(f, "w", in->state);
+		bb_cell(f, "w", in->state);
 		cell_seconds(f, in->from_ns, "?");
 		cell_seconds(f, in->to_ns, "the end");
-		cell(f, NULL, in->what);
+		bb_cell(f, NULL, in->what);
 		fputs("</tr>\n", f);
 	}
 	fputs("</tbody></table>\n", f);
@@ -150,11 +106,11 @@ static void put_faults(FILE *f, const struct bb_run_result *r)
 		if (x->detected_ns != BB_NEVER)
 			bb_text_format(after, sizeof(after), "%.0f ms", (double)(x->detected_ns - x->set_ns) * 1e-6);
 		fputs("<tr>", f);
-		cell(f, "mono", x->text);
+		bb_cell(f, "mono", x->text);
 		cell_seconds(f, x->set_ns, "?");
 		cell_seconds(f, x->detected_ns, "never");
-		cell(f, "n", after);
-		cell(f, "w", x->detected_by);
+		bb_cell(f, "n", after);
+		bb_cell(f, "w", x->detected_by);
 		fputs("</tr>\n", f);
 	}
 	fputs("</tbody></table>\n", f);
@@ -200,13 +156,13 @@ void bb_report_stages(FILE *f, const struct bb_run_result *r)
 			continue;
 		fprintf(f, "<tr><td class=\"w\"><span class=\"swatch\" style=\"background:%s\"></span>%s</td>",
 		        bb_stage_colour(s->stage), bb_stage_text(s->stage));
-		cell(f, "soft", stage_help(s->stage));
-		cell_count(f, s->summary.n);
-		cell_ms(f, s->summary.p50);
-		cell_ms(f, s->summary.p99);
-		cell_ms(f, s->summary.max);
-		cell_ms(f, (double)s->summary.worst.at_ns * 1e-9 - r->scene_start_s);
-		cell(f, "w", node_text(r, s->summary.worst.node));
+		bb_cell(f, "soft", stage_help(s->stage));
+		bb_cell_count(f, s->summary.n);
+		bb_cell_ms(f, s->summary.p50);
+		bb_cell_ms(f, s->summary.p99);
+		bb_cell_ms(f, s->summary.max);
+		bb_cell_ms(f, (double)s->summary.worst.at_ns * 1e-9 - r->scene_start_s);
+		bb_cell(f, "w", node_text(r, s->summary.worst.node));
 		fputs("</tr>\n", f);
 	}
 	fputs("</tbody></table>\n", f);
@@ -231,12 +187,12 @@ void bb_report_nodes(FILE *f, const struct bb_run_result *r)
 	fputs("</tr></thead><tbody>\n", f);
 	for (size_t i = 0; i < r->room->n_nodes; i++) {
 		fputs("<tr>", f);
-		cell(f, "w", r->room->nodes[i].id);
-		cell(f, "soft", r->room->nodes[i].profile);
+		bb_cell(f, "w", r->room->nodes[i].id);
+		bb_cell(f, "soft", r->room->nodes[i].profile);
 		for (size_t k = 0; k < BB_ARRAY_LEN(shown); k++) {
 			const struct bb_stage_result *s = stage_of(r, shown[k], i);
-			cell_ms(f, s ? s->summary.p50 : BB_UNKNOWN);
-			cell_ms(f, s ? s->summary.p99 : BB_UNKNOWN);
+			bb_cell_ms(f, s ? s->summary.p50 : BB_UNKNOWN);
+			bb_cell_ms(f, s ? s->summary.p99 : BB_UNKNOWN);
 		}
 		fputs("</tr>\n", f);
 	}
@@ -266,15 +222,15 @@ static void put_device(FILE *f, const struct bb_device_result *d)
 
 	bb_text_format(text, sizeof(text), "%s/%s", d->class_name, d->id);
 	fprintf(f, "<tr%s>", used ? "" : " class=\"SKIP\"");
-	cell(f, "w", text);
-	cell(f, "w", d->backend);
+	bb_cell(f, "w", text);
+	bb_cell(f, "w", d->backend);
 	bb_text_format(text, sizeof(text), "%d", d->fidelity);
-	cell(f, "n", used ? text : "not needed");
-	cell(f, "w", used ? d->health : "\xE2\x80\x93");
-	cell_number(f, used ? d->bad_s : BB_UNKNOWN);
-	cell_count(f, d->events);
-	cell_count(f, d->ops);
-	cell(f, "small", d->note);
+	bb_cell(f, "n", used ? text : "not needed");
+	bb_cell(f, "w", used ? d->health : "\xE2\x80\x93");
+	bb_cell_number(f, used ? d->bad_s : BB_UNKNOWN);
+	bb_cell_count(f, d->events);
+	bb_cell_count(f, d->ops);
+	bb_cell(f, "small", d->note);
 	fputs("</tr>\n", f);
 }
 
@@ -295,12 +251,12 @@ static void put_class(FILE *f, const struct bb_run_result *r, size_t first)
 		ops += d->ops;
 	}
 	fprintf(f, "<tr%s>", used ? "" : " class=\"SKIP\"");
-	cell(f, "w", class_name);
-	cell_count(f, n);
-	cell_count(f, used);
-	cell_count(f, ill);
-	cell_count(f, events);
-	cell_count(f, ops);
+	bb_cell(f, "w", class_name);
+	bb_cell_count(f, n);
+	bb_cell_count(f, used);
+	bb_cell_count(f, ill);
+	bb_cell_count(f, events);
+	bb_cell_count(f, ops);
 	fputs("</tr>\n", f);
 }
 
@@ -359,8 +315,8 @@ void bb_report_counters(FILE *f, const struct bb_run_result *r)
 	fputs("<div class=\"columns\"><table><tbody>\n", f);
 	for (size_t i = 0; i < r->n_counters; i++) {
 		fputs("<tr>", f);
-		cell(f, "w", r->counters[i].name);
-		cell_count(f, r->counters[i].value);
+		bb_cell(f, "w", r->counters[i].name);
+		bb_cell_count(f, r->counters[i].value);
 		fputs("</tr>\n", f);
 	}
 	fputs("</tbody></table></div>\n", f);
@@ -376,8 +332,8 @@ static void pair(FILE *f, const char *key, const char *fmt, ...)
 	vsnprintf(text, sizeof(text), fmt, ap);
 	va_end(ap);
 	fputs("<tr>", f);
-	cell(f, "w soft", key);
-	cell(f, NULL, text);
+	bb_cell(f, "w soft", key);
+	bb_cell(f, NULL, text);
 	fputs("</tr>\n", f);
 }
 
@@ -463,109 +419,4 @@ void bb_report_facts(FILE *f, const struct bb_run_result *r)
 	pair(f, "event_log_sha256", "%s", r->event_log_sha256);
 	pair(f, "wall_time", "%.2f s (measured, not part of any verdict)", r->wall_time_s);
 	fputs("</tbody></table>\n", f);
-}
-
-/* ---- pictures ---- */
-
-#define PICTURE_MOST ((size_t)16 << 20)
-#define PICTURES_MOST ((size_t)96 << 20) /* of all together: what a browser still opens */
-
-/* A name from a result must stay inside the result's folder. */
-static bool plain_name(const char *name)
-{
-	return name[0] && name[0] != '.' && !strchr(name, '/');
-}
-
-static bool put_image(FILE *f, const char *dir, const struct bb_picture_result *p, size_t *left)
-{
-	static const char signature[] = "\x89PNG\r\n\x1a\n";
-	char path[BB_PATH_MAX_BYTES];
-	char *bytes = NULL;
-	size_t n = 0;
-
-	bb_text_format(path, sizeof(path), "%s/%s", dir, p->file);
-	if (!plain_name(p->file) ||
-	    bb_file_read(path, *left < PICTURE_MOST ? *left : PICTURE_MOST, &bytes, &n, NULL) != BB_OK)
-		return false;
-	if (n < 8 || memcmp(bytes, signature, 8)) {
-		free(bytes);
-		return false;
-	}
-	*left -= n;
-	fprintf(f, "<img width=\"%u\" height=\"%u\" alt=\"", p->width, p->height);
-	bb_put_markupf(f, "%s, %s eye, %.3f s", p->wall, p->eye, p->at_s);
-	fputs("\" src=\"data:image/png;base64,", f);
-	bb_put_base64(f, (const unsigned char *)bytes, n);
-	fputs("\">", f);
-	free(bytes);
-	return true;
-}
-
-static bool same_time(const struct bb_picture_result *a, const struct bb_picture_result *b)
-{
-	return a->at_s >= b->at_s && a->at_s <= b->at_s;
-}
-
-static bool same_wall(const struct bb_picture_result *a, const struct bb_picture_result *b)
-{
-	return !strcmp(a->wall, b->wall) && same_time(a, b);
-}
-
-static void put_quality(FILE *f, const struct bb_picture_result *p)
-{
-	if (isnan(p->psnr_db))
-		return;
-	if (p->identical)
-		bb_put_markupf(f, "\xE2\x80\x82%s identical", p->eye);
-	else
-		bb_put_markupf(f, "\xE2\x80\x82%s %.1f dB", p->eye, fmin(p->psnr_db, 200));
-}
-
-/* One wall at one time: every eye of it, left first. */
-static void put_wall(FILE *f, const struct bb_run_result *r, size_t first, const char *dir, size_t *left)
-{
-	static const char *const eyes[] = { "left", "mono", "right", "levels" };
-	const struct bb_picture_result *wall = &r->pictures[first];
-
-	fputs("<div class=\"wall\"><div class=\"pair\">", f);
-	for (size_t e = 0; e < BB_ARRAY_LEN(eyes); e++)
-		for (size_t i = first; i < r->n_pictures; i++)
-			if (same_wall(wall, &r->pictures[i]) && !strcmp(r->pictures[i].eye, eyes[e]) &&
-			    !put_image(f, dir, &r->pictures[i], left))
-				fputs("<span class=\"soft\">not embedded</span>", f);
-	fputs("</div><div class=\"cap\"><span><b>", f);
-	bb_put_markup(f, wall->wall);
-	fputs("</b></span><span>", f);
-	for (size_t e = 0; e < BB_ARRAY_LEN(eyes); e++)
-		for (size_t i = first; i < r->n_pictures; i++)
-			if (same_wall(wall, &r->pictures[i]) && !strcmp(r->pictures[i].eye, eyes[e]))
-				put_quality(f, &r->pictures[i]);
-	fputs("</span></div></div>\n", f);
-}
-
-static bool wall_shown(const struct bb_run_result *r, size_t i)
-{
-	for (size_t k = 0; k < i; k++)
-		if (same_wall(&r->pictures[k], &r->pictures[i]))
-			return true;
-	return false;
-}
-
-void bb_report_pictures(FILE *f, const struct bb_run_result *r, const char *dir)
-{
-	size_t left = PICTURES_MOST;
-
-	if (!r->n_pictures || !dir) {
-		fputs("<p class=\"soft\">This run drew no pictures.</p>\n", f);
-		return;
-	}
-	for (size_t i = 0; i < r->n_pictures; i++) {
-		if (wall_shown(r, i))
-			continue;
-		if (!i || !same_time(&r->pictures[i - 1], &r->pictures[i]))
-			fprintf(f, "%s<h3>At %.3f s</h3>\n<div class=\"walls\">\n", i ? "</div>" : "",
-			        r->pictures[i].at_s);
-		put_wall(f, r, i, dir, &left);
-	}
-	fputs("</div>\n", f);
 }

@@ -77,6 +77,22 @@ static enum bb_status read_centre(struct bb_reader *r, const struct bb_yaml_node
 	return bb_yaml_vec3(r, v, 1000, 1, &((struct bb_scene *)target)->data.centre_m);
 }
 
+static enum bb_status read_dim(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
+{
+	struct bb_scene *s = target;
+	enum bb_status status = bb_yaml_want(r, v, BB_YAML_LIST);
+	int64_t voxels;
+	size_t n = 0;
+
+	if (!status && v->n != 3)
+		return bb_yaml_fail(r, 1012, v, "dim: %zu numbers, not 3", v->n);
+	for (const struct bb_yaml_node *c = v->first; c && !status; c = c->next) {
+		status = bb_yaml_integer(r, c, 8, 1024, &voxels);
+		s->data.dim[n++] = status ? 0 : (uint32_t)voxels;
+	}
+	return status;
+}
+
 static bool is_generator(const char *kind)
 {
 	static const char *const kinds[] = { "cme", "enlil", "delta", "wing", "shock" };
@@ -89,7 +105,9 @@ static bool is_generator(const char *kind)
 
 static enum bb_status read_data(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
 {
-	static const struct bb_yaml_branch branches[] = { { "centre_m", read_centre, false }, { NULL, NULL, false } };
+	static const struct bb_yaml_branch branches[] = { { "centre_m", read_centre, false },
+		                                          { "dim", read_dim, false },
+		                                          { NULL, NULL, false } };
 	const struct bb_scene *s = target;
 	const enum bb_status status = bb_yaml_walk(r, v, data_options, branches, target, 0);
 
@@ -100,6 +118,8 @@ static enum bb_status read_data(struct bb_reader *r, const struct bb_yaml_node *
 	if (*s->data.generate && !is_generator(s->data.generate))
 		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "generate"), "generate: '%s' is not cme, enlil, delta, wing or shock",
 		                    s->data.generate);
+	if (s->data.dim[0] && (!*s->data.generate || bb_yaml_get(v, "edge_voxels")))
+		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "dim"), "%s", *s->data.generate ? "dim: edge_voxels is given too" : "dim: only of a made volume");
 	if (s->data.brick_voxels % 2)
 		return bb_yaml_fail(r, 1012, bb_yaml_get(v, "brick_voxels"), "brick_voxels: %lld is odd",
 		                    (long long)s->data.brick_voxels);

@@ -49,6 +49,7 @@ struct bb_stream_counts {         /* of one frame */
 	uint32_t missing;         /* of them, those that would be split if their children were here */
 	uint32_t deficit;         /* the same in leaf cells: how much of the volume is coarser than the memory allows */
 	uint32_t loaded, evicted, prefetched; /* asked for in this frame, the prefetched ones included; of them prefetched */
+	uint32_t arrived;         /* read, asked for in earlier frames: from this frame on they may be drawn */
 	uint32_t failed;          /* could not be read: their parents stay on show */
 	uint64_t bytes;           /* loaded, as they lie in memory */
 	uint64_t rays, samples;   /* geometric: rays that meet the volume's box, and their length / step, all views;
