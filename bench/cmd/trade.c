@@ -19,7 +19,7 @@ static const struct bb_cli_option options[] = {
 	{ "grid", "one|full", "one: every knob about the scene's own setting (default); full: all combinations" },
 	{ "memory", "MIB,...", "memory budgets; all: none (default: about the scene's own)" },
 	{ "stream", "N,...", "streaming budgets, bricks a frame; all: no limit" },
-	{ "selector", "NAME,...", "leaf, opacity, child (streamed); uniform, colour-histogram, ... (read at once)" },
+	{ "selector", "NAME,...", "far, leaf, opacity, child (streamed); leaf!, uniform, colour, ... (read at once)" },
 	{ "tolerance", "E,...", "of selectors by tolerance" },
 	{ "step", "VOXELS,...", "step lengths" },
 	{ "brick", "N,...", "brick edges, 4 to 64; not of a brick file" },

@@ -53,7 +53,7 @@ static enum bb_status plain_scene(struct job *j, const char *file, struct bb_err
 	s->data.step_voxels = 1;
 	s->data.brick_voxels = 16;
 	s->data.values = BB_BRICK_U16;
-	s->data.gain = BB_GAIN_LEAF;
+	s->data.gain = BB_GAIN_FAR;
 	s->data.predict = true;
 	const char *slash = strrchr(file, '/');
 	bb_text_clean(s->name, sizeof(s->name), slash ? slash + 1 : file);

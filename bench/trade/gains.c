@@ -22,7 +22,7 @@ const struct bb_gains_set bb_gains_sets[] = {
 
 const char *bb_gains_selector_text(enum bb_gains_selector s)
 {
-	static const char *const text[] = { "leaf", "leaf-on", "opacity", "child", "uniform" };
+	static const char *const text[] = { "leaf", "far", "opacity", "child", "uniform" };
 
 	return text[s];
 }
@@ -100,11 +100,11 @@ static enum bb_status both(struct measure *m, struct bb_gains *g)
 
 	for (size_t i = 0; i < g->n_both; i++)
 		for (size_t k = 0; k < g->n_both && !status; k++)
-			status = play(m, BB_GAINS_LEAF_ON, g->both_budget[i], g->both_budget[k], &g->both[i][k]);
+			status = play(m, BB_GAINS_FAR, g->both_budget[i], g->both_budget[k], &g->both[i][k]);
 	for (int i = 0; i < 4 && !status; i++) {
 		g->point_memory[i] = share(g, memory[i]);
 		g->point_stream[i] = share(g, stream[i]);
-		status = play(m, BB_GAINS_LEAF_ON, g->point_memory[i], g->point_stream[i], &g->point[i]);
+		status = play(m, BB_GAINS_FAR, g->point_memory[i], g->point_stream[i], &g->point[i]);
 	}
 	return status;
 }
@@ -124,7 +124,7 @@ enum bb_status bb_gains_measure(struct bb_trade *trade, uint32_t brick, enum bb_
 
 struct bb_gains_duel bb_gains_duel(const struct bb_gains *g, bool stream, enum bb_gains_selector other)
 {
-	const struct bb_gains_value *leaf = stream ? g->stream[BB_GAINS_LEAF_ON] : g->memory[BB_GAINS_LEAF_ON];
+	const struct bb_gains_value *leaf = stream ? g->stream[BB_GAINS_FAR] : g->memory[BB_GAINS_FAR];
 	const struct bb_gains_value *with = stream ? g->stream[other] : g->memory[other];
 	struct bb_gains_duel d = { .least_db = (double)INFINITY, .most_db = -(double)INFINITY };
 

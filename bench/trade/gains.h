@@ -3,7 +3,7 @@
  * split gains and of a uniform level against the memory budget and the streaming budget (figure 5.1), of the leaf error
  * against both (figure 5.3) and at their four points (table 5.2). As there, bricks are chosen by their algorithm 1 for the
  * sixth time step, after the five before it, and read when it is drawn; nothing is weighted by what a view sees. Beside
- * their leaf error there is ours, which does not stop where children are no better than their parent (gain.h).
+ * their leaf error there is ours, far error, which does not stop where children are no better than their parent (gain.h).
  */
 #ifndef BB_BENCH_TRADE_GAINS_H
 #define BB_BENCH_TRADE_GAINS_H
@@ -15,7 +15,7 @@
 #define BB_GAINS_BUDGETS_MOST 24
 #define BB_GAINS_STEP 5
 
-enum bb_gains_selector { BB_GAINS_LEAF, BB_GAINS_LEAF_ON, BB_GAINS_OPACITY, BB_GAINS_CHILD, BB_GAINS_UNIFORM, BB_GAINS_SELECTORS };
+enum bb_gains_selector { BB_GAINS_LEAF, BB_GAINS_FAR, BB_GAINS_OPACITY, BB_GAINS_CHILD, BB_GAINS_UNIFORM, BB_GAINS_SELECTORS };
 const char *bb_gains_selector_text(enum bb_gains_selector s);
 
 struct bb_gains_set {
@@ -43,7 +43,7 @@ struct bb_gains { /* of one camera */
 	uint32_t point_memory[4], point_stream[4];
 };
 
-/* The leaf error (of ours, that presses on) against another gain at middle budgets, a 256th to a quarter of the leaves. */
+/* The leaf error (of ours, that looks further) against another gain at middle budgets, a 256th to a quarter of the leaves. */
 struct bb_gains_duel {
 	unsigned n, won, lost; /* by more than 0.05 dB */
 	double mean_db, least_db, most_db;

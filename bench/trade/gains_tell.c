@@ -64,7 +64,7 @@ json_t *bb_gains_json(const struct bb_gains *g)
 		json_array_append_new(points, value_json(&g->point[i], g->point_memory[i], g->point_stream[i]));
 	for (int k = 0; k < 2; k++)
 		for (int s = 0; s < (k ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS); s++)
-			if (s != BB_GAINS_LEAF_ON)
+			if (s != BB_GAINS_FAR)
 				json_array_append_new(duels, duel_json(g, k, (enum bb_gains_selector)s));
 	json_object_set_new(o, "leaves", json_integer(g->leaves));
 	json_object_set_new(o, "memory", memory);
@@ -98,7 +98,7 @@ static void print_duel(const struct bb_gains *g, bool stream, enum bb_gains_sele
 {
 	const struct bb_gains_duel d = bb_gains_duel(g, stream, other);
 
-	fprintf(out, "- %s budget, leaf-on against %s: better at %u, worse at %u of %u middle budgets; %+.2f dB (%+.2f to %+.2f)\n",
+	fprintf(out, "- %s budget, far against %s: better at %u, worse at %u of %u middle budgets; %+.2f dB (%+.2f to %+.2f)\n",
 		stream ? "streaming" : "memory", bb_gains_selector_text(other), d.won, d.lost, d.n, d.mean_db, d.least_db,
 		d.most_db);
 }
@@ -116,7 +116,7 @@ void bb_gains_print(const struct bb_gains *g, FILE *out)
 	fputc('\n', out);
 	for (int k = 0; k < 2; k++)
 		for (int s = 0; s < (k ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS); s++)
-			if (s != BB_GAINS_LEAF_ON)
+			if (s != BB_GAINS_FAR)
 				print_duel(g, k, (enum bb_gains_selector)s, out);
 }
 
@@ -177,10 +177,10 @@ static void scatter(cairo_t *cr, const struct bb_gains *g, double left, double t
 		snprintf(label[i].text, sizeof(label[i].text), "%d: %u / %u", i + 1, g->point_memory[i], g->point_stream[i]);
 	}
 	const struct chart_series series[] = {
-		{ .colour = pen_alpha(colours[BB_GAINS_LEAF_ON], 0.6), .x = x, .y = y, .n = n, .mark = CHART_DOT },
+		{ .colour = pen_alpha(colours[BB_GAINS_FAR], 0.6), .x = x, .y = y, .n = n, .mark = CHART_DOT },
 		{ .colour = pen_ink, .x = px, .y = py, .n = 4, .mark = CHART_RING },
 	};
-	const struct chart c = { .title = "Leaf error (pressing on), both budgets; ringed: the points of table 5.2, memory / streaming",
+	const struct chart c = { .title = "Far error, both budgets; ringed: the points of table 5.2, memory / streaming",
 				 .x_title = "frames a second of processor time", .y_title = "SSIM", .series = series, .n_series = 2,
 				 .labels = label, .n_labels = 4 };
 	chart_draw(cr, &c, left, top, 1210, 320);
@@ -190,7 +190,7 @@ static void paint(cairo_t *cr, void *ctx)
 {
 	const struct page *p = ctx;
 	struct chart_series legend[BB_GAINS_SELECTORS] = { 0 };
-	static const char *const names[] = { "leaf error", "leaf error, pressing on", "opacity", "child error", "uniform level" };
+	static const char *const names[] = { "leaf error", "far error (ours)", "opacity", "child error", "uniform level" };
 
 	pen_set(cr, pen_paper);
 	cairo_paint(cr);

@@ -25,7 +25,7 @@ static void usual_budgets(struct bb_trade_grid *g, double complete_mib)
 
 void bb_trade_grid_usual(struct bb_trade_grid *g, const struct bb_trade_setting *own, bool rebuilds, double complete_mib)
 {
-	static const char *const selectors[] = { "leaf", "opacity", "child", "uniform" };
+	static const char *const selectors[] = { "far", "leaf", "opacity", "child", "uniform" };
 	static const double steps[] = { 0.5, 1, 2, 4 }, tolerances[] = { 0.01, 0.03, 0.1, 0.3 };
 	static const uint32_t bricks[] = { 8, 16, 32 };
 

@@ -26,7 +26,7 @@ struct bb_trade_setting {
 	double memory_mib;                  /* 0: all */
 	uint32_t memory_bricks;             /* of choices read at once: at most so many a step, instead; 0: by memory_mib */
 	uint32_t bricks_per_frame;          /* 0: no limit */
-	const struct bb_selector *selector; /* opacity, leaf and child stream; others are read at once and complete, */
+	const struct bb_selector *selector; /* opacity, leaf, child and far stream; others are read at once and complete, */
 	bool at_once;                       /* and so are these when it is said */
 	double tolerance;                   /* of selectors by tolerance, for space and for time */
 	double step_voxels;
