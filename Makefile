@@ -70,6 +70,8 @@ $B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
+# Their short loops must be unrolled, or vectors live in memory.
+$B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o: ALL_CFLAGS += -O3
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
@@ -181,6 +183,10 @@ GIB ?= 16
 bench-volume: all
 	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
+# The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
+bench-gl: $B/tests/bench_gl
+	@$<
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -216,5 +222,6 @@ help:
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench bench-volume fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d)

@@ -10,15 +10,15 @@
 
 #define MEMORY_BYTES (UINT64_C(512) << 20)
 
-static bool is_bricks(const char *path)
+bool bb_data_is_bricks(const struct bb_scene *scene)
 {
+	const char *path = scene->data.file;
 	const size_t n = strlen(path);
 
 	return n > 7 && !strcmp(path + n - 7, ".bricks");
 }
 
-static enum bb_status open_steps(const struct bb_scene *s, const char *scratch, struct bb_steps **out,
-				 struct bb_error *err)
+enum bb_status bb_data_steps(const struct bb_scene *s, const char *scratch, struct bb_steps **out, struct bb_error *err)
 {
 	const char *const paths[] = { s->data.file };
 	const uint32_t edge = (uint32_t)s->data.edge_voxels, cube[3] = { edge, edge, edge };
@@ -28,42 +28,52 @@ static enum bb_status open_steps(const struct bb_scene *s, const char *scratch, 
 	return bb_steps_open(paths, 1, scratch, out, err);
 }
 
-static enum bb_status build(const struct bb_scene *s, const char *dir, struct bb_bricks **out, struct bb_error *err)
+enum bb_status bb_data_build(struct bb_steps *steps, uint32_t edge, enum bb_brick_type type, const char *dir,
+			     struct bb_bricks **out, struct bb_error *err)
 {
-	struct bb_build_config config = { .edge = (uint32_t)s->data.brick_voxels, .pad = 1,
-					  .type = (enum bb_brick_type)s->data.values, .memory_bytes = MEMORY_BYTES };
+	struct bb_build_config config = { .steps = steps, .edge = edge, .pad = 1, .type = type,
+					  .memory_bytes = MEMORY_BYTES };
 	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	struct bb_build_report report;
 	char path[BB_PATH_MAX_BYTES];
-	struct bb_steps *steps;
 
-	enum bb_status status = open_steps(s, dir, &steps, err);
-	if (status)
-		return status;
+	*out = NULL;
 	snprintf(path, sizeof(path), "%.900s/data.bricks", dir);
-	config.steps = steps;
 	config.path = path;
 	config.threads = (unsigned)(processors > 0 && processors < 64 ? processors : 1);
-	status = bb_bricks_build(&config, &report, err);
-	bb_steps_close(steps);
+	enum bb_status status = bb_bricks_build(&config, &report, err);
 	if (!status)
 		status = bb_bricks_open(path, out, err);
 	unlink(path);
 	return status;
 }
 
-enum bb_status bb_data_open(const struct bb_scene *scene, struct bb_bricks **out, struct bb_error *err)
+enum bb_status bb_data_folder(char *dir, size_t cap, struct bb_error *err)
 {
 	const char *tmp = getenv("TMPDIR");
-	char dir[BB_PATH_MAX_BYTES];
 
-	*out = NULL;
-	if (is_bricks(scene->data.file))
-		return bb_bricks_open(scene->data.file, out, err);
-	snprintf(dir, sizeof(dir), "%.800s/blackburst-XXXXXX", tmp && *tmp ? tmp : "/tmp");
+	snprintf(dir, cap, "%.800s/blackburst-XXXXXX", tmp && *tmp ? tmp : "/tmp");
 	if (!mkdtemp(dir))
 		return bb_fail(err, BB_ERR_IO, 1002, &(struct bb_where){ dir, 0, 0 }, "%s", strerror(errno));
-	const enum bb_status status = build(scene, dir, out, err);
+	return BB_OK;
+}
+
+enum bb_status bb_data_open(const struct bb_scene *scene, struct bb_bricks **out, struct bb_error *err)
+{
+	char dir[BB_PATH_MAX_BYTES];
+	struct bb_steps *steps;
+
+	*out = NULL;
+	if (bb_data_is_bricks(scene))
+		return bb_bricks_open(scene->data.file, out, err);
+	enum bb_status status = bb_data_folder(dir, sizeof(dir), err);
+	if (status)
+		return status;
+	status = bb_data_steps(scene, dir, &steps, err);
+	if (!status) {
+		status = bb_data_build(steps, (uint32_t)scene->data.brick_voxels, (enum bb_brick_type)scene->data.values, dir, out, err);
+		bb_steps_close(steps);
+	}
 	rmdir(dir);
 	return status;
 }

@@ -34,6 +34,7 @@ struct bb_scene {
 		int64_t brick_voxels;         /* what is no brick file yet becomes one of such bricks */
 		int values;                   /* enum bb_brick_type of them */
 		int gain;                     /* enum bb_gain_method: what a finer brick is worth */
+		bool occlusion;               /* what is hidden is worth less */
 		bool predict;                 /* bricks are read for the steps ahead */
 	} data;
 	char transfer_function[BB_PATH_MAX_BYTES];

@@ -279,8 +279,9 @@ static bool through(const struct box *b, const struct bb_mesh_ray *ray, const do
 
 	for (int a = 0; a < 3; a++) {
 		const double x = (b->least[a] - ray->from[a]) * inverse[a], y = (b->most[a] - ray->from[a]) * inverse[a];
-		enter = fmax(enter, fmin(x, y));
-		leave = fmin(leave, fmax(x, y));
+		const double nearer = x < y ? x : y, farther = x < y ? y : x;
+		enter = nearer > enter ? nearer : enter;
+		leave = farther < leave ? farther : leave;
 	}
 	return leave >= enter;
 }

@@ -103,7 +103,7 @@ static struct bb_view make_view(void)
 	const struct bb_vec3 to = bb_vec3_unit((struct bb_vec3){ 1, 0.6, 0.4 }, (struct bb_vec3){ 1, 0, 0 });
 	const struct bb_vec3 eye = bb_vec3_scale(to, 700.0 / VOXELS), across_unit = { -to.y, to.x, 0 };
 	const struct bb_vec3 across = bb_vec3_unit(across_unit, eye), up = bb_vec3_cross(to, across);
-	const double half = 700.0 / VOXELS * tan(15 * 3.14159265358979 / 180);
+	const double half = 700.0 / VOXELS * tan(15 * 3.14159265358979 / 180) * PIXELS / 512;
 	const struct bb_vec3 right = bb_vec3_scale(across, half), top = bb_vec3_scale(up, half);
 	const struct bb_vec3 low = bb_vec3_scale(top, -1), left = bb_vec3_scale(right, -1);
 	const struct bb_corners c = { .lower_left = bb_vec3_add(low, left), .lower_right = bb_vec3_add(low, right),
@@ -336,7 +336,7 @@ static void compare(struct subjects *s, const char *name, const struct bb_transf
 
 int main(int argc, char **argv)
 {
-	const uint32_t edges[] = { 8, 16, 32 }, only = argc > 1 ? (uint32_t)atoi(argv[1]) : 0;
+	const uint32_t edges[] = { 8, 16, 32, 64 }, only = argc > 1 ? (uint32_t)atoi(argv[1]) : 0;
 	const int rounds = argc > 2 && atoi(argv[2]) > 0 && atoi(argv[2]) < ROUNDS_MOST ? atoi(argv[2]) : 5;
 	struct bb_volume *v = make_volume();
 	struct subjects s = { .volume = v, .view = make_view() };

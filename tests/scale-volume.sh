@@ -6,7 +6,8 @@
 #    against a copy (dd) that reads and writes as many bytes and waits for the disk as the builder does. Build and copy take
 #    turns, three times; medians, and the spread. The input lies in the page cache for both.
 # 2. A generated sequence of GIB gibibytes, bricks of 32^3, under the same cap. Needs 3.2 times as much disk; all files are
-#    deleted.
+#    deleted. 16 GiB took 665 seconds of processors (39 minutes on two busy ones), 373 MiB counted, 378 MiB
+#    resident, and made 42.5 GiB.
 #
 # Exit 0: all bounds hold (512 MiB, 1.3, 2); 1: one does not; 77: no room on the disk.
 set -eu
@@ -82,7 +83,7 @@ if [ "$gib" -gt 0 ]; then
 		r["bricks"], r["bytes"] / 2**30, r["seconds"], r["bytes_written"] / 2**20 / r["seconds"])'
 	within "peak memory, MiB" "$(field big.json 'round(r["peak_bytes"] / 1048576, 1)')" 512
 	within "the process's own peak (VmHWM), MiB" "$(field big.json 'round(r["resident_bytes"] / 1048576, 1)')" 512
-	within "bytes moved over input and output" \
-		"$(field big.json "round((r['bytes_read'] + r['bytes_written'] + 2 * $gib * 2**30) / (r['bytes'] + $gib * 2**30), 3)")" 1.3
+	# There is no input to count: as a file it would be read twice, or once with --range.
+	within "bytes moved over output" "$(field big.json "round((r['bytes_read'] + r['bytes_written']) / r['bytes'], 3)")" 1.3
 fi
 [ $failures = 0 ]

@@ -355,7 +355,7 @@ static void a_made_grid_is_known_to_the_file(void **state)
 {
 	struct bb_steps *steps;
 	struct bb_build_report report;
-	struct bb_bricks *b;
+	struct bb_bricks *b = NULL;
 	struct bb_error err = { 0 };
 	char path[] = "/tmp/bb-shapes-XXXXXX.bricks";
 	(void)state;

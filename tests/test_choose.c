@@ -1,4 +1,5 @@
 /* tests/test_choose.c: what every way of choosing bricks must hold, and how far the heuristics are from the optimum. */
+#include "render/bricks/perceived.h"
 #include "render/bricks/selector.h"
 #include "tests/brick_rig.h"
 
@@ -191,12 +192,16 @@ static double best_depth(const struct choosing *c, uint32_t tau, uint32_t node, 
 	return sum;
 }
 
-static void far_points_are_the_best_of_all_depths(void **state)
+static void best_of_all_depths(bool noise)
 {
 	struct choosing c;
-	(void)state;
+	uint64_t seed = 8;
 
-	begin(&c, 37, 30, 21, 5, 4);
+	rig_begin(&c.rig, 37, 30, 21, 5, 4);
+	for (size_t i = 0; noise && i < rig_voxels(&c.rig) * 5; i++)
+		c.rig.voxels[i] = (float)(rig_random(&seed) % 1000);
+	rig_write(&c.rig);
+	open_rig(&c);
 	rate(&c, BB_GAIN_FAR);
 	for (uint64_t id = 0; id < c.t->n_bricks; id++) {
 		const uint32_t node = (uint32_t)(id % c.t->n_nodes), tau = (uint32_t)(id / c.t->n_nodes);
@@ -209,6 +214,66 @@ static void far_points_are_the_best_of_all_depths(void **state)
 		assert_true(fabs((double)c.space[id] - best) <= 1e-5 * fmax(fabs(best), (double)c.work[id] * 1e-2));
 	}
 	end(&c);
+}
+
+static void far_points_are_the_best_of_all_depths(void **state)
+{
+	(void)state;
+
+	best_of_all_depths(false);
+	best_of_all_depths(true); /* averages of it are all alike: the deepest split gains most */
+}
+
+/* A row of four leaves, two steps. The mean over both steps would split node 1, the step on show node 2. */
+static void a_brick_is_judged_by_its_step_when_streaming_is_free(void **state)
+{
+	const float space[3][7] = { { 9, 5, 4, -1, -1, -1, -1 },
+				    { 9, 1, 8, -1, -1, -1, -1 },
+				    { 9, 9, 0, -1, -1, -1, -1 } };
+	const float time[3][7] = { { 3, 1, 1, 1, 1, 1, 1 },
+				   { -1, -1, -1, -1, -1, -1, -1 },
+				   { -1, -1, -1, -1, -1, -1, -1 } };
+	struct bb_choice heap[4], out[4];
+	struct bb_tree t;
+	(void)state;
+
+	assert_true(bb_tree_init(&t, (const uint32_t[]){ 32, 8, 8 }, 2, 8));
+	assert_true(t.n_nodes == 7 && t.n_times == 3);
+	for (int free_time = 0; free_time < 2; free_time++) {
+		const struct bb_choose_budget budget = { .memory_bricks = 3, .stream_bricks = free_time ? 0 : 100 };
+		const size_t n = bb_choose_by_budget(&t, space[0], time[0], 0, &budget, heap, out);
+		bool split[3] = { true, true, true };
+		assert_int_equal(n, 3);
+		covers(&t, out, n, 0);
+		for (size_t i = 0; i < n; i++)
+			if (out[i].node < 3)
+				split[out[i].node] = false;
+		assert_true(split[1] == !free_time && split[2] == free_time);
+	}
+}
+
+static void weights_in_lab_by_hand(void **state)
+{
+	struct bb_transfer tf = { .n = 2 };
+	struct bb_gain_weights w;
+	double lab[3];
+	(void)state;
+
+	tf.point[0] = (struct bb_transfer_point){ 0, 0.5, 0.5, 0.5, 0.1 };
+	tf.point[1] = (struct bb_transfer_point){ 1, 0.5, 0.5, 0.5, 0.1 };
+	bb_gain_weights_of(&tf, BB_GAIN_LAB, &w);
+	const double grey = 0.5 * (1 - pow(0.9, BB_GAIN_SLAB_VOXELS));
+	bb_perceived_lab((const double[]){ grey, grey, grey }, lab);
+	for (int i = 0; i < BB_STATS_BINS; i++) {
+		assert_true(fabs((double)w.opacity[i] - lab[0] / 100) < 1e-5);
+		assert_true(w.change[i] <= 0);
+	}
+	tf.point[0].opacity = 0; /* from black to that: all changes add up to it */
+	bb_gain_weights_of(&tf, BB_GAIN_LAB, &w);
+	double sum = 0;
+	for (int i = 0; i < BB_STATS_BINS; i++)
+		sum += (double)w.change[i] / BB_STATS_BINS;
+	assert_true(fabs(sum - lab[0] / 100) < 1e-4);
 }
 
 /* Half of the volume weighs nothing: not a brick more is spent on it than what it takes to reach the other. */
@@ -439,6 +504,8 @@ int main(void)
 		cmocka_unit_test(without_limits_all_that_gains_is_split),
 		cmocka_unit_test(far_error_does_not_stop_half_way),
 		cmocka_unit_test(far_points_are_the_best_of_all_depths),
+		cmocka_unit_test(a_brick_is_judged_by_its_step_when_streaming_is_free),
+		cmocka_unit_test(weights_in_lab_by_hand),
 		cmocka_unit_test(weights_say_where_bricks_go),
 		cmocka_unit_test(tolerance_is_a_dial),
 		cmocka_unit_test(uniform_takes_the_finest_level_that_fits),

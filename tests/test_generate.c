@@ -294,7 +294,7 @@ static void written_and_read_again(void **state)
 	const char *const paths[] = { path };
 	for (size_t i = 0; i < BB_ARRAY_LEN(written); i++) {
 		struct sequence s = make(written[i], 19, 14, 23, 3, 5);
-		struct bb_steps *back;
+		struct bb_steps *back = NULL;
 		struct bb_error err = { 0 };
 		float rows[19 * 14];
 		if (bb_steps_write(s.steps, path, 3, NULL, NULL, &err) != BB_OK ||

@@ -83,6 +83,14 @@ static void what_cannot_be_seen_is_not_wrong(void **state)
 	assert_true(bb_metric_reference_space(&c, flat, 4) < 1e-6);
 	assert_true(bb_metric_reference_time(&c, flat, 1, 4) < 1e-6);
 	assert_true(bb_metric_look_up(&t, (double)NAN, (double)NAN, 0, 1) == 0);
+	static struct bb_metric_times times;
+	bb_metric_times(&t, &times);
+	/* In time: nothing moves, or out of sight; a mean far away from all that is seen, but some of it is. */
+	assert_true(bb_metric_look_up_time(&times, 0.65, 0.1, 0.2, 0.9, 0) <= 0);
+	assert_true(bb_metric_look_up_time(&times, 0.55, 0.1, 0.2, 0.59, 0.1) <= 0);
+	assert_true(bb_metric_look_up_time(&times, 0.1, 0.001, 0, 0.7, 0.001) > 0);
+	assert_true(bb_metric_look_up_time(&times, 0.65, 0.1, 0.2, 0.9, 0.05) >
+		    bb_metric_look_up_time(&times, 0.65, 0.1, 0.2, 0.9, 0.01));
 }
 
 /* Two values, half each: equations 7 to 10 by hand. */

@@ -389,7 +389,7 @@ static void half_the_step_is_the_same_picture(void **state)
 {
 	struct bb_volume *v = drawing_volume(60, 50, 40, 1);
 	const struct bb_transfer tf = drawing_smooth();
-	struct bb_stream *s = drawing_stream(v, &tf);
+	struct drawing drawing = drawing_of(v, &tf, 16, BB_BRICK_U16, 0, cover_leaves, NULL);
 	struct bb_renderer *reference;
 	struct bb_image_difference d;
 	double worst = 0;
@@ -405,8 +405,8 @@ static void half_the_step_is_the_same_picture(void **state)
 		}
 	}
 	assert_int_equal(bb_renderer_reference_create(2, &reference), BB_OK);
-	struct bb_image a = drawing_picture(reference, s, 0, 0, 0.25, NULL),
-			b = drawing_picture(reference, s, 0, 0, 0.125, NULL);
+	struct bb_image a = drawing_picture(reference, &drawing.layer, 1, 0, 0.25, NULL),
+			b = drawing_picture(reference, &drawing.layer, 1, 0, 0.125, NULL);
 	assert_int_equal(bb_image_compare(&a, &b, &d), BB_OK);
 	print_message("nC1: two half steps are %.1e off one (limit 1/512 = 2e-3); pictures at 1/4 and 1/8 of a voxel "
 		      "differ by at "
@@ -416,7 +416,7 @@ static void half_the_step_is_the_same_picture(void **state)
 	bb_image_release(&a);
 	bb_image_release(&b);
 	bb_renderer_destroy(reference);
-	bb_stream_destroy(s);
+	drawing_done(&drawing);
 	drawing_free(v);
 }
 
@@ -499,10 +499,10 @@ static void f32_does_for_the_longest_ray(void **state)
 }
 
 /* One ray through a homogeneous slab, by every renderer that needs no display. */
-static uint8_t slab_alpha(struct bb_renderer *r, const struct bb_stream *s, double step_voxels, uint64_t *samples)
+static uint8_t slab_alpha(struct bb_renderer *r, const struct bb_layer *layer, double step_voxels, uint64_t *samples)
 {
 	const struct bb_view view = drawing_view(0);
-	const struct bb_draw draw = { .view = &view, .stream = s, .step = 0, .step_voxels = step_voxels };
+	const struct bb_draw draw = { .view = &view, .layers = layer, .n_layers = 1, .step_voxels = step_voxels };
 	struct bb_draw_stats stats = { 0 };
 	struct bb_image image;
 
@@ -531,11 +531,11 @@ static void a_slab_is_as_opaque_as_it_is_thick(void **state)
 		const struct bb_transfer_point points[] = { { 0, 1, 1, 1, opacities[k] },
 							    { 1, 1, 1, 1, opacities[k] } };
 		const struct bb_transfer tf = drawing_transfer(2, points);
-		struct bb_stream *s = drawing_stream(v, &tf);
+		struct drawing drawing = drawing_of(v, &tf, 16, BB_BRICK_U16, 0, cover_leaves, NULL);
 		for (double step = 1.0 / 64; step <= 2; step *= 2) {
 			uint64_t n, unused;
-			const uint8_t judged = slab_alpha(reference, s, step, &n),
-				      drawn = slab_alpha(cpu, s, step, &unused);
+			const uint8_t judged = slab_alpha(reference, &drawing.layer, step, &n),
+				      drawn = slab_alpha(cpu, &drawing.layer, step, &unused);
 			const double want = -255 * expm1((double)n * step * log1p(-opacities[k]));
 			most_samples = n > most_samples ? n : most_samples;
 			assert_true(n > 10);
@@ -543,7 +543,7 @@ static void a_slab_is_as_opaque_as_it_is_thick(void **state)
 			worst[1] = fmax(worst[1], fabs(drawn - want));
 		}
 		bb_renderer_forget(cpu);
-		bb_stream_destroy(s);
+		drawing_done(&drawing);
 	}
 	print_message("nC2: a homogeneous slab, steps of 1/64 to 2 voxels, up to %llu samples: reference %.3f levels "
 		      "of 255 off, "
@@ -608,10 +608,10 @@ static void ray_is_finite(const struct bb_transfer *tf, double step)
 		assert_true(isfinite(sum[c]) && sum[c] >= 0 && sum[c] <= 1 + 1e-12);
 }
 
-static void picture_is_sane(struct bb_renderer *r, const struct bb_stream *s)
+static void picture_is_sane(struct bb_renderer *r, const struct bb_layer *layer)
 {
 	const struct bb_view view = drawing_view(0);
-	const struct bb_draw draw = { .view = &view, .stream = s, .step = 0.5, .step_voxels = 1 };
+	const struct bb_draw draw = { .view = &view, .layers = layer, .n_layers = 1, .step_voxels = 1 };
 	struct bb_image image;
 
 	assert_int_equal(bb_image_create(24, 16, &image), BB_OK);
@@ -651,11 +651,11 @@ static void hostile_transfer_functions(void **state)
 		drawn++;
 		for (double step = 1.0 / 64; step <= 64; step *= 16)
 			ray_is_finite(&tf, step);
-		struct bb_stream *s = drawing_stream(v, &tf);
-		picture_is_sane(reference, s);
-		picture_is_sane(cpu, s);
+		struct drawing drawing = drawing_of(v, &tf, 16, BB_BRICK_U16, 0.5, cover_leaves, NULL);
+		picture_is_sane(reference, &drawing.layer);
+		picture_is_sane(cpu, &drawing.layer);
 		bb_renderer_forget(cpu);
-		bb_stream_destroy(s);
+		drawing_done(&drawing);
 	}
 	close(fd);
 	unlink(path);

@@ -307,6 +307,61 @@ static void what_nobody_sees_stays_coarse(void **ctx)
 	bb_stream_destroy(s);
 }
 
+/* ---- what is hidden ---- */
+
+/* Noise all the way through, opaque: only what lies in front can be seen. */
+static double quality(const struct bb_bricks *b, const struct bb_volume *v, bool occlusion)
+{
+	static const struct bb_transfer_point dense[] = { { 0, 0.1, 0.2, 0.9, 0.3 }, { 0.5, 0.9, 0.5, 0.1, 0.5 }, { 1, 1, 1, 1, 0.9 } };
+	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(dense), dense);
+	struct bb_stream_config config = { .bricks = b,
+					   .transfer = &tf,
+					   .placement = drawing_placement(v),
+					   .memory_bytes = 500 * 1024,
+					   .bricks_per_frame = 32,
+					   .gain = BB_GAIN_FAR,
+					   .occlusion = occlusion };
+	const struct bb_view view = drawing_view(0);
+	const struct bb_stream_frame f = frame_at(&view, 0);
+	struct bb_image_difference d;
+	struct bb_renderer *cpu;
+	struct bb_stream *s[2];
+	struct bb_image image[2];
+	struct bb_error err;
+
+	assert_int_equal(bb_renderer_cpu_create("auto", 1, &cpu, &err), BB_OK);
+	for (int i = 0; i < 2; i++) {
+		assert_int_equal(bb_stream_create(&config, &s[i], &err), BB_OK);
+		for (int k = 0; k < 120; k++)
+			(void)bb_stream_frame(s[i], &f);
+		const struct bb_layer layer = bb_stream_layer(s[i]);
+		image[i] = drawing_picture(cpu, &layer, 1, 0, 0.5, NULL);
+		bb_renderer_forget(cpu);
+		config.memory_bytes = 0;
+	}
+	assert_int_equal(bb_image_compare(&image[0], &image[1], &d), BB_OK);
+	for (int i = 0; i < 2; i++) {
+		bb_image_release(&image[i]);
+		bb_stream_destroy(s[i]);
+	}
+	bb_renderer_destroy(cpu);
+	return d.psnr_db;
+}
+
+static void what_is_hidden_makes_room(void **ctx)
+{
+	uint32_t state = 3;
+	struct bb_volume *v = drawing_noise((uint32_t[]){ 64, 64, 64 }, 1, &state);
+	struct bb_bricks *b = cover_bricks(v, 8, 1, BB_BRICK_U16);
+
+	(void)ctx;
+	const double without = quality(b, v, false), with = quality(b, v, true);
+	printf("an opaque volume of noise, a tenth of it in memory: %.1f dB, with occlusion %.1f dB\n", without, with);
+	assert_true(with > without + 1);
+	bb_bricks_close(b);
+	drawing_free(v);
+}
+
 /* ---- playing ---- */
 
 struct played {
@@ -576,6 +631,7 @@ int main(void)
 		cmocka_unit_test(it_grows_sharp_and_then_rests),
 		cmocka_unit_test(without_a_budget_everything_is_sharp),
 		cmocka_unit_test(what_nobody_sees_stays_coarse),
+		cmocka_unit_test(what_is_hidden_makes_room),
 		cmocka_unit_test(playing_is_steady),
 		cmocka_unit_test(a_disk_may_stall_for_half_a_minute),
 		cmocka_unit_test(a_thread_reads_and_may_be_held),

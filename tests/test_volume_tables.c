@@ -156,6 +156,8 @@ static void shares_and_loads_of_a_sequence(void **state)
 	for (size_t i = 0; i < BB_ARRAY_LEN(names); i++) {
 		struct bb_play p, small;
 		play(b, names[i], 100, &p);
+		play(b, names[i], 4, &small);
+		assert_true(near(small.again_bricks, 6 / 4.0)); /* of six in turn, four last used are never the next */
 		play(b, names[i], 2, &small);
 		/* A half is nothing; a quarter is new at steps 0 and 2, the other at each of four. */
 		assert_true(near(p.hidden, 0.5) && near(p.untextured, 0));

@@ -1,278 +1,138 @@
 /*
- * bench/cmd/trade.c: `trade ROOM SCENE --device cameras`: the same scene at every fidelity of one device class. Where
- * two fidelities give the same verdict, the ratio of their costs is what the scene pays for nothing.
+ * bench/cmd/trade.c: `blackburst trade`: what a setting costs and what it gives. ROOM SCENE --device: the fidelities of one
+ * device class (trade_device.c). SCENE: budgets, selectors, steps and bricks of a volume (trade_scene.c). --table: the
+ * tables of a paper (trade_table.c).
  */
-#include "bench/cli.h"
-#include "bench/file.h"
-#include "bench/run.h"
-#include "bench/stats.h"
+#include "bench/cmd/trade.h"
 
-#include <jansson.h>
-#include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 #include <unistd.h>
 
-#define FIDELITIES 2 /* 0 ideal, 1 timing, geometry and noise */
+#include "bench/trade/trade.h"
 
 static const struct bb_cli_option options[] = {
-	{ "device", "CLASS", "shutters, cameras, displays, monitors, power or gamepads" },
-	{ "seed", "N", "seed of every run (7)" },
-	{ "duration", "S", "seconds of the scene to run (as the scene says)" },
-	{ "json", NULL, "print the table as JSON" },
+	{ "device", "CLASS", "of ROOM SCENE: shutters, cameras, displays, monitors, power or gamepads" },
+	{ "duration", "S", "of ROOM SCENE: seconds of the scene to run (as the scene says)" },
+	{ "seed", "N", "of ROOM SCENE (7), and of what is generated (1)" },
+	{ "grid", "one|full", "one: every knob about the scene's own setting (default); full: all combinations" },
+	{ "memory", "MIB,...", "memory budgets; all: none (default: about the scene's own)" },
+	{ "stream", "N,...", "streaming budgets, bricks a frame; all: no limit" },
+	{ "selector", "NAME,...", "leaf, opacity, child (streamed); uniform, colour-histogram, ... (read at once)" },
+	{ "tolerance", "E,...", "of selectors by tolerance" },
+	{ "step", "VOXELS,...", "step lengths" },
+	{ "brick", "N,...", "brick edges, 4 to 64; not of a brick file" },
+	{ "type", "u8|u16|f16|f32,...", "how values are stored; not of a brick file" },
+	{ "frame-ms", "MS", "which setting is best within this frame time?" },
+	{ "psnr", "DB", "which is cheapest that reaches this PSNR?" },
+	{ "ssim", "S", "which is cheapest that reaches this SSIM?" },
+	{ "generate", "KIND", "no scene: cme, enlil, delta, wing or shock" },
+	{ "dim", "XxYxZ", "voxels of what is generated (128x128x128)" },
+	{ "steps", "N", "its steps (8)" },
+	{ "tf", "FILE", "a transfer function (the scene's own, or scenes/KIND-filled.tf)" },
+	{ "inside", NULL, "the eye in the middle of the volume" },
+	{ "size", "WxH", "of a picture (320x240; of a table 200x150)" },
+	{ "frames", "N", "of a play, at 60 Hz (120)" },
+	{ "pictures", "N", "of them that are drawn and compared, evenly apart (3)" },
+	{ "timed", "N", "frames drawn for each picture whose time counts, 1 to 8 (3)" },
+	{ "settled", NULL, "pictures of what was selected when all of it has been read: no streaming" },
+	{ "disk", "US:MB", "a disk: microseconds a brick, megabytes a second (default: the next frame has what was asked for)" },
+	{ "draw", "auto|cpu|osmesa|egl", "back end (auto: cpu, then OpenGL)" },
+	{ "table", "gains", "Carlsson and Tjernstroem 2016, figures 5.1 and 5.3, table 5.2, on generated data" },
+	{ "set", "NAME", "of --table: one data set" },
+	{ "scale", "PERCENT", "of --table: of the voxels along each axis (50)" },
+	{ "plot", "FILE", "draw the fronts into a .svg or .png file" },
+	{ "csv", "FILE", "a line for each setting" },
+	{ "json", NULL, "machine-readable" },
+	{ "quiet", NULL, "no progress" },
 	{ NULL, NULL, NULL },
 };
 
-struct point { /* one fidelity */
-	struct bb_run run;
-	uint64_t class_events, class_ops, events, ops, steps;
-	double cpu_ms;
-};
-
-/* CPU time of this process: a figure for people, nothing decides by it. */
-static double cpu_ms(void)
+bool bb_trade_whole_numbers(const char *text, char sign, uint32_t *out, int n)
 {
-	struct rusage u;
-
-	if (getrusage(RUSAGE_SELF, &u))
-		return BB_UNKNOWN;
-	return (double)(u.ru_utime.tv_sec + u.ru_stime.tv_sec) * 1e3 +
-	       (double)(u.ru_utime.tv_usec + u.ru_stime.tv_usec) * 1e-3;
-}
-
-static bool find_class(const char *name, enum bb_class *out)
-{
-	for (int c = 0; name && c < BB_CLASS_COUNT; c++)
-		if (!strcmp(name, bb_class_text((enum bb_class)c))) {
-			*out = (enum bb_class)c;
-			return true;
-		}
-	return false;
-}
-
-/* "cameras" counts every "camera". */
-static bool in_class(const struct bb_device_result *d, enum bb_class c)
-{
-	const size_t n = strlen(d->class_name);
-
-	return n >= 5 && !strncmp(d->class_name, bb_class_text(c), n);
-}
-
-static uint64_t counter(const struct bb_run_result *r, const char *name)
-{
-	for (size_t i = 0; i < r->n_counters; i++)
-		if (!strcmp(r->counters[i].name, name))
-			return r->counters[i].value;
-	return 0;
-}
-
-static void count_cost(struct point *p, enum bb_class c)
-{
-	const struct bb_run_result *r = p->run.result;
-
-	p->events = r->n_events;
-	p->steps = counter(r, "clock_steps");
-	for (size_t i = 0; i < r->n_devices; i++) {
-		p->ops += r->devices[i].ops;
-		if (!in_class(&r->devices[i], c))
-			continue;
-		p->class_events += r->devices[i].events;
-		p->class_ops += r->devices[i].ops;
+	for (int i = 0; i < n; i++) {
+		char *end;
+		if (*text < '0' || *text > '9' || strspn(text, "0123456789") > 9)
+			return false;
+		out[i] = (uint32_t)strtoul(text, &end, 10);
+		if (*end != (i + 1 < n ? sign : '\0'))
+			return false;
+		text = end + 1;
 	}
+	return true;
 }
 
-static enum bb_status run_point(const struct bb_cli *cli, enum bb_class c, int fidelity, struct point *p,
-                                struct bb_error *err)
+enum bb_status bb_trade_size(const struct bb_cli *cli, const char *usual, uint32_t *width_px, uint32_t *height_px, struct bb_error *err)
 {
-	struct bb_run_options o = bb_run_options_default();
-	double seed, duration, before;
-	enum bb_status st = bb_cli_number(cli, "seed", 7, 0, 9007199254740992.0, &seed, err);
+	const char *text = bb_cli_get(cli, "size", usual);
+	uint32_t size[2];
 
-	if (st == BB_OK)
-		st = bb_cli_number(cli, "duration", 0, 0, 1e6, &duration, err);
-	if (st != BB_OK)
-		return st;
-	o.room_path = cli->arg[0];
-	o.scene_path = cli->arg[1];
-	o.seed = (uint64_t)seed;
-	o.duration_s = duration;
-	o.fidelity[c] = fidelity;
-	o.pictures = false;
-	o.measure_psnr = false;
-	o.out_dir = NULL;
-	before = cpu_ms();
-	st = bb_run(&o, &p->run, err);
-	p->cpu_ms = cpu_ms() - before;
-	if (st == BB_OK)
-		count_cost(p, c);
-	return st;
+	if (!bb_trade_whole_numbers(text, 'x', size, 2) || size[0] < 16 || size[1] < 16 || size[0] > 4096 || size[1] > 4096)
+		return bb_fail(err, BB_ERR_USAGE, 1481, NULL, "--size: '%.40s'", text);
+	*width_px = size[0];
+	*height_px = size[1];
+	return BB_OK;
 }
 
-static double ratio(double high, double low)
+static enum bb_status begin_with(const char *kind, struct bb_trade_config *config, struct bb_trade **out,
+				 struct bb_error *err)
 {
-	return low > 0 ? high / low : BB_UNKNOWN;
+	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
+	const unsigned threads = (unsigned)(processors > 0 && processors < 64 ? processors : 1);
+
+	bb_renderer_destroy(config->renderer);
+	config->renderer = NULL;
+	const enum bb_status status = !strcmp(kind, "cpu") ? bb_renderer_cpu_create("auto", threads, &config->renderer, err)
+							   : bb_renderer_gl_create(kind, &config->renderer, err);
+	return status ? status : bb_trade_create(config, out, err);
 }
 
-static double total_events_ratio(const struct point *p)
+enum bb_status bb_trade_begin(const struct bb_cli *cli, struct bb_trade_config *config, struct bb_trade **out,
+			      struct bb_error *err)
 {
-	return ratio((double)p[1].events, (double)p[0].events);
+	const char *kind = bb_cli_get(cli, "draw", "auto");
+	struct bb_error first = { 0 };
+
+	if (strcmp(kind, "auto") && strcmp(kind, "cpu") && strcmp(kind, "osmesa") && strcmp(kind, "egl"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--draw cannot be '%.40s'", kind);
+	if (strcmp(kind, "auto"))
+		return begin_with(kind, config, out, err);
+	const enum bb_status status = begin_with("cpu", config, out, &first);
+	if (!status)
+		return BB_OK;
+	if (first.number == 1480 || first.number == 1801) /* not on this machine, or not this data */
+		return begin_with("auto", config, out, err);
+	*err = first;
+	return status;
 }
 
-static bool agree(const struct point *p)
+void bb_trade_say(const char *text)
 {
-	return p[0].run.result->verdict == p[1].run.result->verdict;
-}
-
-/* Budgets that only the higher fidelity can judge: an equal verdict says nothing about those. */
-static size_t judged_only_high(const struct point *p)
-{
-	const struct bb_run_result *a = p[0].run.result, *b = p[1].run.result;
-	size_t n = 0;
-
-	for (size_t i = 0; i < a->n_budgets && i < b->n_budgets; i++)
-		n += a->budgets[i].verdict == BB_SKIP && b->budgets[i].verdict != BB_SKIP;
-	return n;
-}
-
-/* ---- output ---- */
-
-static void print_row(const char *name, uint64_t a, uint64_t b)
-{
-	char times[32], text[32];
-
-	bb_text_number(text, sizeof(text), ratio((double)b, (double)a));
-	bb_text_format(times, sizeof(times), "%s%s", text, a ? "x" : "");
-	printf("  %-28s %15llu %15llu %10s\n", name, (unsigned long long)a, (unsigned long long)b, times);
-}
-
-static void print_budgets(const struct point *p)
-{
-	const struct bb_run_result *a = p[0].run.result, *b = p[1].run.result;
-
-	for (size_t i = 0; i < a->n_budgets && i < b->n_budgets; i++) {
-		const struct bb_budget_result *x = &a->budgets[i], *y = &b->budgets[i];
-		const struct bb_metric_info *info = bb_metric_info(x->budget.metric);
-		char name[64], left[64], right[64], number[32];
-		bb_text_format(name, sizeof(name), "%s %s (%s)", info->name, bb_stat_text(x->budget.stat), info->unit);
-		bb_text_format(left, sizeof(left), "%s %s", bb_text_number(number, sizeof(number), x->value),
-		               bb_verdict_text(x->verdict));
-		bb_text_format(right, sizeof(right), "%s %s", bb_text_number(number, sizeof(number), y->value),
-		               bb_verdict_text(y->verdict));
-		printf("  %-28s %15s %15s\n", name, left, right);
-	}
-}
-
-static void print_table(const struct point *p, enum bb_class c)
-{
-	const char *class_name = bb_class_text(c);
-	char name[48], number[32];
-
-	printf("  %-28s %15s %15s %10s\n", class_name, "fidelity 0", "fidelity 1", "ratio");
-	printf("  %-28s %15s %15s\n", "verdict", bb_verdict_text(p[0].run.result->verdict),
-	       bb_verdict_text(p[1].run.result->verdict));
-	print_budgets(p);
-	bb_text_format(name, sizeof(name), "events of %s", class_name);
-	print_row(name, p[0].class_events, p[1].class_events);
-	bb_text_format(name, sizeof(name), "calls of %s", class_name);
-	print_row(name, p[0].class_ops, p[1].class_ops);
-	print_row("events of the run", p[0].events, p[1].events);
-	print_row("calls of the run", p[0].ops, p[1].ops);
-	print_row("clock steps", p[0].steps, p[1].steps);
-	printf("  %-28s %15.1f %15.1f %9sx\n", "CPU ms (measured)", p[0].cpu_ms, p[1].cpu_ms,
-	       bb_text_number(number, sizeof(number), ratio(p[1].cpu_ms, p[0].cpu_ms)));
-	bb_text_number(number, sizeof(number), total_events_ratio(p));
-	if (agree(p))
-		printf("\nsame verdict at both fidelities: %s at 1 cost %s times the events of 0", class_name, number);
-	else
-		printf("\nthe verdicts differ: this scene needs %s at fidelity 1", class_name);
-	printf(", %s times the CPU time\n", bb_text_number(number, sizeof(number), ratio(p[1].cpu_ms, p[0].cpu_ms)));
-	if (judged_only_high(p))
-		printf("%zu of the budgets can be judged at fidelity 1 only\n", judged_only_high(p));
-}
-
-static json_t *real(double v)
-{
-	return isfinite(v) ? json_real(v) : json_null();
-}
-
-static json_t *point_json(const struct point *p, int fidelity)
-{
-	const struct bb_run_result *r = p->run.result;
-	json_t *o = json_object(), *budgets = json_array();
-
-	json_object_set_new(o, "fidelity", json_integer(fidelity));
-	json_object_set_new(o, "verdict", json_string(bb_verdict_text(r->verdict)));
-	json_object_set_new(o, "class_events", json_integer((json_int_t)p->class_events));
-	json_object_set_new(o, "class_ops", json_integer((json_int_t)p->class_ops));
-	json_object_set_new(o, "events", json_integer((json_int_t)p->events));
-	json_object_set_new(o, "ops", json_integer((json_int_t)p->ops));
-	json_object_set_new(o, "clock_steps", json_integer((json_int_t)p->steps));
-	json_object_set_new(o, "cpu_ms", real(p->cpu_ms));
-	for (size_t i = 0; i < r->n_budgets; i++) {
-		const struct bb_budget_result *b = &r->budgets[i];
-		json_t *e = json_object();
-		json_object_set_new(e, "metric", json_string(bb_metric_info(b->budget.metric)->name));
-		json_object_set_new(e, "statistic", json_string(bb_stat_text(b->budget.stat)));
-		json_object_set_new(e, "unit", json_string(bb_metric_info(b->budget.metric)->unit));
-		json_object_set_new(e, "value", real(b->value));
-		json_object_set_new(e, "verdict", json_string(bb_verdict_text(b->verdict)));
-		json_array_append_new(budgets, e);
-	}
-	json_object_set_new(o, "budgets", budgets);
-	return o;
-}
-
-static int print_json(const struct point *p, enum bb_class c)
-{
-	json_t *o = json_object(), *points = json_array();
-	bool bad;
-
-	json_object_set_new(o, "schema", json_integer(BB_RESULT_SCHEMA));
-	json_object_set_new(o, "kind", json_string("blackburst-trade"));
-	json_object_set_new(o, "device", json_string(bb_class_text(c)));
-	for (int i = 0; i < FIDELITIES; i++)
-		json_array_append_new(points, point_json(&p[i], i));
-	json_object_set_new(o, "points", points);
-	json_object_set_new(o, "same_verdict", json_boolean(agree(p)));
-	json_object_set_new(o, "judged_only_at_1", json_integer((json_int_t)judged_only_high(p)));
-	json_object_set_new(o, "events_ratio", real(total_events_ratio(p)));
-	json_object_set_new(o, "cpu_ratio", real(ratio(p[1].cpu_ms, p[0].cpu_ms)));
-	bad = json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) || fputc('\n', stdout) == EOF;
-	json_decref(o);
-	return bad ? BB_EXIT_INTERNAL : BB_EXIT_OK;
+	fprintf(stderr, "\r%-100.100s%s", text, *text ? "" : "\r");
+	fflush(stderr);
 }
 
 static int trade_run(const struct bb_cli *cli)
 {
-	struct point p[FIDELITIES] = { 0 };
 	struct bb_error err = { 0 };
-	enum bb_class c = BB_CLASS_NONE;
-	enum bb_status st = BB_OK;
-	int code = BB_EXIT_OK;
 
-	if (!find_class(bb_cli_get(cli, "device", NULL), &c))
-		st = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "trade: --device names a class: %s",
-		             "shutters, cameras, displays, monitors, power or gamepads");
-	for (int i = 0; i < FIDELITIES && st == BB_OK; i++)
-		st = run_point(cli, c, i, &p[i], &err);
-	if (st != BB_OK)
-		code = bb_cli_fail(st, &err);
-	else if (bb_cli_has(cli, "json"))
-		code = print_json(p, c);
-	else
-		print_table(p, c);
-	for (int i = 0; i < FIDELITIES; i++)
-		bb_run_free(&p[i].run);
-	return code;
+	if (cli->n_args == 2 || bb_cli_has(cli, "device"))
+		return bb_trade_device_run(cli);
+	if (bb_cli_has(cli, "table"))
+		return bb_trade_table_run(cli);
+	if (cli->n_args == 1 || bb_cli_has(cli, "generate"))
+		return bb_trade_scene_run(cli);
+	return bb_cli_fail(bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "trade: give a scene, a brick file or --generate KIND"),
+			   &err);
 }
 
 const struct bb_command bb_cmd_trade = {
 	.name = "trade",
-	.line = "run a scene at every fidelity of one device class and print what each costs",
-	.usage = "ROOM SCENE --device CLASS [--seed N] [--duration S] [--json]",
+	.line = "what quality costs: budgets, selectors, steps and bricks of a scene; or a device class's fidelities",
+	.usage = "SCENE|FILE.bricks [options]; or ROOM SCENE --device CLASS; or --table gains",
 	.options = options,
-	.least_args = 2,
+	.least_args = 0,
 	.most_args = 2,
 	.run = trade_run,
 };

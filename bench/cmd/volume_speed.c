@@ -25,9 +25,10 @@
 #include "render/parallel.h"
 
 #define ROUNDS_MOST 999
-#define ROUND_WARM_BYTES (8u << 20) /* a millisecond or so: less than a turn of another process */
+#define ROUND_WARM_BYTES (1u << 20) /* or a batch: well below a turn of another process */
 #define ROUND_COLD_BYTES (64u << 20)
-#define POOL_BYTES (64u << 20)     /* of slots, for each thread: more than the caches hold */
+#define POOL_BYTES (128u << 20)    /* of slots, for each thread: several times what the caches hold */
+#define WAITING_BYTES (16u << 20)  /* and for each of those that wait for the disk */
 #define SEQUENTIAL_BYTES (1u << 20) /* of one read of the disk's own rate */
 #define PAGE_BYTES 4096u
 
@@ -47,14 +48,14 @@ enum way { FROM_MEMORY, THROUGH_CACHE, UNCHECKED, SEQUENTIAL, COLD_DIRECT, COLD_
 struct worker { /* a thread's own */
 	struct bb_bricks_reader *reader[2]; /* by enum bb_bricks_way; direct may be NULL */
 	struct bb_unpacker unpacker;
-	uint8_t *pool; /* SLOTS of stride bytes */
-	size_t next;
+	uint8_t *pool; /* n_slots of stride bytes */
+	size_t next, n_slots;
 };
 
 struct speed {
 	const struct bb_bricks *b;
 	int fd, direct_fd; /* -1: no direct reads here */
-	size_t n_brick, stride, n_slots;
+	size_t n_brick, stride;
 	uint32_t batch, n;
 	unsigned most_threads, depth;
 	uint64_t sequential_at; /* where the next sequential read of the file begins */
@@ -189,7 +190,7 @@ static void one_batch(void *ctx, size_t i, unsigned thread)
 	}
 	for (uint32_t k = 0; k < n; k++) {
 		uint8_t *slot = w->pool + w->next * s->stride;
-		w->next = (w->next + 1) % s->n_slots;
+		w->next = (w->next + 1) % w->n_slots;
 		wants[k] = (struct bb_bricks_want){ .brick = s->order[from + k], .out = slot };
 		if (s->way == FROM_MEMORY)
 			good &= from_memory(s, w, from + k, slot);
@@ -412,7 +413,6 @@ static enum bb_status set_up(struct speed *s, const char *path, struct bb_error 
 		return bb_fail(err, BB_ERR_CONFIG, 1701, NULL, "%s is too small to be measured", path);
 	s->n_brick = bb_bricks_brick_bytes(h);
 	s->stride = (s->n_brick + PAGE_BYTES - 1) / PAGE_BYTES * PAGE_BYTES;
-	s->n_slots = POOL_BYTES / s->stride;
 	for (unsigned i = 0; i < workers_of(s); i++) {
 		struct worker *w = &s->worker[i];
 		const enum bb_status status =
@@ -422,7 +422,9 @@ static enum bb_status set_up(struct speed *s, const char *path, struct bb_error 
 		if (s->direct_fd >= 0 &&
 		    bb_bricks_reader_create(s->b, s->batch, BB_BRICKS_DIRECT, &w->reader[BB_BRICKS_DIRECT], &none))
 			return bb_fail(err, BB_ERR_UNSUPPORTED, 1453, NULL, "a reader");
-		w->pool = pool_of(POOL_BYTES);
+		const size_t pool = i < s->most_threads ? POOL_BYTES : WAITING_BYTES;
+		w->pool = pool_of(pool);
+		w->n_slots = pool / s->stride;
 		if (!w->pool || !bb_unpacker_init(&w->unpacker, h->codec))
 			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "slots");
 	}

@@ -6,7 +6,7 @@
 
 /* ---- time in the data ---- */
 
-static double steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s)
+double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s)
 {
 	const double last = n_steps > 1 ? (double)(n_steps - 1) : 0;
 	const double at = scene->data.seconds_per_step > 0 ? t_s / scene->data.seconds_per_step : 0;
@@ -93,11 +93,11 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
 	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
 	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
-	l->steps = steps_at(l->scene, n_steps, t_s);
-	const double soon = steps_at(l->scene, n_steps, t_s + 1e-3 * l->scene->data.seconds_per_step);
+	l->steps = bb_loop_steps_at(l->scene, n_steps, t_s);
+	const double soon = bb_loop_steps_at(l->scene, n_steps, t_s + 1e-3 * l->scene->data.seconds_per_step);
 	l->way = soon > l->steps ? 1 : soon < l->steps ? -1 : 0;
 	for (int i = 0; i < BB_AHEAD; i++)
-		l->ahead[i] = steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
+		l->ahead[i] = bb_loop_steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
 	f->photon_ns = planned_photon_ns(l, now_ns);
 	predict_head(l, f);
 	const int64_t cost_ns = l->tracker && !l->draw_everything ? (int64_t)head->profile.track_ns : 0;

@@ -181,6 +181,8 @@ unsigned bb_loop_head(const struct bb_frame_loop *l);
 /* A message over the link; to itself a node speaks directly. */
 void bb_loop_say(struct bb_frame_loop *l, unsigned from, unsigned to, const struct bb_message *m);
 void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_vec3 *truth, const struct bb_vec3 *tracked);
+/* Time in the data, in steps, at a time of the scene. */
+double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);

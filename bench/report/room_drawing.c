@@ -5,15 +5,13 @@
 #define _GNU_SOURCE /* RTLD_DEFAULT */
 #include "bench/report/room_drawing.h"
 
-#include <cairo-svg.h>
 #include <dlfcn.h>
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
+#include "bench/report/drawing_page.h"
 #include "bench/report/drawing_pen.h"
 
 #define PAGE_WIDTH 1240.0
@@ -543,146 +541,35 @@ static void prepare(struct drawing *d, const struct bb_room *room, const struct 
 
 /* --- files and strings -------------------------------------------------------------------------------------------- */
 
-struct buffer {
-	char *bytes;
-	size_t n, cap;
-};
-
-static cairo_status_t append(void *closure, const unsigned char *bytes, unsigned n)
+static void paint_page(cairo_t *cr, void *ctx)
 {
-	struct buffer *b = closure;
+	struct drawing *d = ctx;
 
-	if (b->cap - b->n < (size_t)n + 1) {
-		const size_t cap = 2 * (b->cap + n) + 4096;
-		char *more = realloc(b->bytes, cap);
-		if (!more)
-			return CAIRO_STATUS_NO_MEMORY;
-		b->bytes = more;
-		b->cap = cap;
-	}
-	memcpy(b->bytes + b->n, bytes, n);
-	b->n += n;
-	b->bytes[b->n] = '\0';
-	return CAIRO_STATUS_SUCCESS;
+	d->cr = cr;
+	paint(d);
 }
 
-static bool append_text(struct buffer *b, const char *text, size_t n)
+static struct bb_page page_of(struct drawing *d)
 {
-	return append(b, (const unsigned char *)text, (unsigned)n) == CAIRO_STATUS_SUCCESS;
-}
-
-/*
- * cairo names its glyphs alike in every drawing, and two on one page would share them: ours begin with "room-". It also
- * numbers its surfaces through the process; there is one here, so the number goes and a drawing is the same every time.
- * The XML declaration goes as well.
- */
-static char *for_page(const char *svg)
-{
-	static const char *const marks[] = { "id=\"", "href=\"#", "url(#" };
-	const char *at = strstr(svg, "<svg");
-	struct buffer out = { NULL, 0, 0 };
-	bool ok = at != NULL;
-
-	while (ok && *at) {
-		size_t mark = 0;
-		for (size_t i = 0; i < BB_ARRAY_LEN(marks); i++)
-			if (!strncmp(at, marks[i], strlen(marks[i])))
-				mark = strlen(marks[i]);
-		ok = append_text(&out, at, mark ? mark : 1) && (!mark || append_text(&out, "room-", 5));
-		at += mark ? mark : 1;
-		if (mark && !strncmp(at, "surface", 7)) {
-			ok = ok && append_text(&out, "surface", 7);
-			at += 7 + strspn(at + 7, "0123456789");
-		}
-	}
-	if (!ok) {
-		free(out.bytes);
-		return NULL;
-	}
-	return out.bytes;
+	return (struct bb_page){ PAGE_WIDTH, d->height, "room-", paint_page, d };
 }
 
 char *bb_room_drawing_svg(const struct bb_room *room, const struct bb_path_point *path, size_t n_path)
 {
-	struct buffer raw = { NULL, 0, 0 };
 	struct drawing d;
-	cairo_surface_t *surface;
-	char *page = NULL;
-	bool ok;
 
 	prepare(&d, room, path, n_path);
-	surface = cairo_svg_surface_create_for_stream(append, &raw, PAGE_WIDTH, d.height);
-	cairo_svg_surface_set_document_unit(surface, CAIRO_SVG_UNIT_PX);
-	d.cr = cairo_create(surface);
-	paint(&d);
-	ok = cairo_status(d.cr) == CAIRO_STATUS_SUCCESS;
-	cairo_destroy(d.cr);
-	cairo_surface_finish(surface);
-	ok = ok && cairo_surface_status(surface) == CAIRO_STATUS_SUCCESS;
-	cairo_surface_destroy(surface);
-	if (ok && raw.bytes)
-		page = for_page(raw.bytes);
-	free(raw.bytes);
-	return page;
-}
-
-static bool write_svg(const struct bb_room *room, const char *file)
-{
-	static const char head[] = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n";
-	char *svg = bb_room_drawing_svg(room, NULL, 0);
-	FILE *f = svg ? fopen(file, "wb") : NULL;
-	bool ok = f && fputs(head, f) >= 0 && fputs(svg, f) >= 0 && !fflush(f) && !fsync(fileno(f));
-
-	if (f && fclose(f))
-		ok = false;
-	free(svg);
-	return ok;
-}
-
-static bool write_png(const struct bb_room *room, const char *file)
-{
-	const double sharper = 1.5; /* screens have more than 96 dots an inch */
-	cairo_surface_t *surface;
-	struct drawing d;
-	bool ok;
-
-	prepare(&d, room, NULL, 0);
-	surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, (int)(PAGE_WIDTH * sharper), (int)ceil(d.height * sharper));
-	d.cr = cairo_create(surface);
-	cairo_scale(d.cr, sharper, sharper);
-	paint(&d);
-	ok = cairo_status(d.cr) == CAIRO_STATUS_SUCCESS &&
-	     cairo_surface_write_to_png(surface, file) == CAIRO_STATUS_SUCCESS;
-	cairo_destroy(d.cr);
-	cairo_surface_destroy(surface);
-	return ok;
-}
-
-static bool ends_in(const char *text, const char *tail)
-{
-	const size_t n = strlen(text), m = strlen(tail);
-
-	return n > m && !strcmp(text + n - m, tail);
+	const struct bb_page page = page_of(&d);
+	return bb_page_svg(&page);
 }
 
 enum bb_status bb_room_drawing_write(const struct bb_room *room, const char *file, struct bb_error *err)
 {
-	const struct bb_where where = { file, 0, 0 };
-	const bool svg = ends_in(file, ".svg");
-	char temporary[BB_PATH_MAX_BYTES + 32];
+	struct drawing d;
 
-	if (!svg && !ends_in(file, ".png"))
-		return bb_fail(err, BB_ERR_USAGE, 1850, &where, "drawings are .svg or .png");
-	if (strlen(file) >= BB_PATH_MAX_BYTES)
-		return bb_fail(err, BB_ERR_USAGE, 1851, &where, "the path has more than %d bytes", BB_PATH_MAX_BYTES - 1);
-	snprintf(temporary, sizeof(temporary), "%s.%ld.part", file, (long)getpid());
-	errno = 0;
-	if ((svg ? write_svg(room, temporary) : write_png(room, temporary)) && !rename(temporary, file))
-		return BB_OK;
-	const char *why = errno ? strerror(errno) : "the drawing failed";
-	bb_fail(err, BB_ERR_IO, 1851, &where, "%s", why);
-	unlink(temporary);
-	return BB_ERR_IO;
+	prepare(&d, room, NULL, 0);
+	const struct bb_page page = page_of(&d);
+	return bb_page_write(&page, file, err);
 }
 
 void bb_drawing_forget_fonts(void)

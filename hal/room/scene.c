@@ -41,6 +41,7 @@ static const struct bb_option data_options[] = {
 	  "edge of the bricks a file that has none is cut into; even" },
 	{ "values", BB_OPT_TYPE_ENUM, S(data.values), 0, 1, 0, 0, 1, "u8|u16|f16|f32", false, "how those bricks keep values" },
 	{ "gain", BB_OPT_TYPE_ENUM, S(data.gain), 0, 3, 0, 0, 1, "opacity|leaf|child|far", false, "what a finer brick is worth" },
+	{ "occlusion", BB_OPT_TYPE_BOOL, S(data.occlusion), 0, 0, 0, 0, 1, NULL, false, "what is hidden behind the rest is worth less" },
 	{ "predict", BB_OPT_TYPE_BOOL, S(data.predict), 0, 1, 0, 0, 1, NULL, false, "bricks are read for the steps ahead" },
 	BB_OPT_END
 };

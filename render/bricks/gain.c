@@ -266,3 +266,13 @@ enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_we
 	}
 	return BB_OK;
 }
+
+#define LAST_RESORT 0.01F /* of its own error */
+
+void bb_gain_press_on(const float *error, uint64_t n_bricks, float *space, float *time)
+{
+	for (uint64_t i = 0; i < n_bricks; i++) {
+		space[i] = space[i] < 0 ? -1 : fmaxf(space[i], LAST_RESORT * error[i] / 8);
+		time[i] = time[i] < 0 ? -1 : fmaxf(time[i], LAST_RESORT * error[i] / 2);
+	}
+}

@@ -45,5 +45,11 @@ void bb_gain_weights_of(const struct bb_transfer *tf, enum bb_gain_colour colour
 BB_MUST_CHECK enum bb_status bb_gain_points(const struct bb_bricks *b, const struct bb_gain_weights *w,
 					    enum bb_gain_method method, float *space, float *time, float *work,
 					    struct bb_error *err);
+/*
+ * After gains by leaf error: children may be no better than their parent where grandchildren are (the mean of a front is as
+ * wrong in eight parts as in one), and a greedy choice would stop there with its budget unspent. A split is worth at least
+ * a hundredth of what its brick is wrong by. error: the work of bb_gain_points.
+ */
+void bb_gain_press_on(const float *error, uint64_t n_bricks, float *space, float *time);
 
 #endif

@@ -105,7 +105,8 @@ double bb_metric_look_up_time(const struct bb_metric_times *t, double mean, doub
 		const float a = along(t->log_error[z.i + k][y.i], x), b = along(t->log_error[z.i + k][y.i + 1], x);
 		part[k] = a + (b - a) * y.part;
 	}
-	const double error = (double)bb_quick_expm1(part[0] + (part[1] - part[0]) * z.part);
+	/* Where the table says nothing is seen, something yet may be: no tolerance is no error. */
+	const double error = fmax((double)bb_quick_expm1(part[0] + (part[1] - part[0]) * z.part), LEAST_ERROR);
 	return time_deviation < narrow ? error * (time_deviation / narrow)
 				       : error; /* below the first row: in proportion */
 }

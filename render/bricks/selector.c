@@ -124,6 +124,16 @@ GAIN(rate_leaf_lab, BB_GAIN_LEAF, BB_GAIN_LAB)
 GAIN(rate_child_lab, BB_GAIN_CHILD, BB_GAIN_LAB)
 GAIN(rate_far_lab, BB_GAIN_FAR, BB_GAIN_LAB)
 
+static enum bb_status rate_leaf_on(const struct bb_bricks *b, const struct bb_transfer *tf, struct bb_ratings *r,
+				   struct bb_error *err)
+{
+	const enum bb_status status = rate_leaf(b, tf, r, err);
+
+	if (!status)
+		bb_gain_press_on(r->work, bb_bricks_header(b)->tree.n_bricks, r->space, r->time);
+	return status;
+}
+
 /* ---- choices ---- */
 
 static size_t by_tolerance(const struct bb_tree *t, const struct bb_ratings *r, const struct bb_selector_ask *ask,
@@ -176,6 +186,8 @@ const struct bb_selector bb_selectors[] = {
 	{ "child", "budget: the largest error against the children first", BB_NEEDS_HISTOGRAMS, false, rate_child,
 	  by_budget },
 	{ "far", "budget: as leaf, splits so deep as gains most for each brick", BB_NEEDS_HISTOGRAMS, false, rate_far,
+	  by_budget },
+	{ "leaf-on", "leaf, and on where children are no better than their parent", BB_NEEDS_HISTOGRAMS, false, rate_leaf_on,
 	  by_budget },
 	{ "opacity-lab", "the same four in CIE L*a*b*", BB_NEEDS_HISTOGRAMS, false, rate_opacity_lab, by_budget },
 	{ "leaf-lab", "", BB_NEEDS_HISTOGRAMS, false, rate_leaf_lab, by_budget },

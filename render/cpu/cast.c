@@ -85,6 +85,7 @@ static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, con
 				.space = &c->space,
 				.table = &c->table,
 				.by_level = draw->steps_by_level,
+				.per_edge = 1 / (float)draw->layers[0].atlas->edge,
 				.opaque = c->options.no_early_exit ? NEVER : OPAQUE,
 				.order = c->options.order };
 	struct job job = { .caster = c, .cast = &cast };

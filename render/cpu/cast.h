@@ -10,6 +10,7 @@
 #define BB_CAST_TILE 32       /* pixels across and down that one thread takes at a time: what they see fits its cache */
 #define BB_CAST_RAYS 4        /* go together: 2 x 2 pixels */
 #define BB_CAST_SCALE 1024.0F /* so that an opacity of 6e-8 is still a normal half */
+#define BB_CAST_PIECES 32
 #define BB_CAST_LEVELS 20
 #define BB_CAST_LEAP 8 /* blocks at most that a ray leaps over at once, to either side */
 
@@ -41,12 +42,18 @@ struct bb_cast_space {
 	bool made, skipping;
 };
 
-/* The next table, if the transfer function was another one. */
+/* A transfer function for the kernels; kept until it is another one (cast_table.c). */
 struct bb_cast_table {
 	/* [up][n + 1]: premultiplied r, g, b and opacity of one step's length, times BB_CAST_SCALE, as halves; red in
 	 * the lowest 16 bits. The one behind the last is nothing. */
 	uint64_t *entry;
 	size_t n, n_levels;
+	/* [up]: colour (not premultiplied) and opacity as BB_CAST_PIECES straight pieces, where that is as good: at x pieces
+	 * it is from + by * x. */
+	struct bb_cast_pieces {
+		float from[4][BB_CAST_PIECES], by[4][BB_CAST_PIECES];
+	} *pieces;
+	bool smooth; /* it is, on all levels */
 	struct bb_transfer transfer;
 	double step_voxels;
 };
@@ -58,6 +65,7 @@ struct bb_cast { /* of one picture; constant while it is drawn */
 	const struct bb_cast_space *space;
 	const struct bb_cast_table *table;
 	bool by_level; /* longer steps in coarser bricks */
+	float per_edge;        /* 1 / edge */
 	float opaque;  /* transmittance that ends a ray; below 0: none does */
 	const uint32_t
 		*order; /* NULL: packets of neighbours; pixels, BB_CAST_RAYS to a packet, to be drawn in this order */

@@ -104,7 +104,7 @@ static size_t next_of(const double *head_m, size_t n, double *limit_m, bool *tie
 static void draw_ray(struct pixel *px)
 {
 	const size_t n = px->n_layers + (px->fragments.n > 0);
-	double head_m[BB_LAYERS_MOST + 1], limit_m;
+	double head_m[BB_LAYERS_MOST + 1] = { HUGE_VAL }, limit_m;
 	bool ties;
 
 	for (size_t k = 0; k < n; k++)
@@ -295,7 +295,7 @@ enum bb_status bb_renderer_layers_create(const char *kernel, unsigned threads, b
 	if (!l)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a caster of layers");
 	const enum bb_status st = bb_layers_caster_init(&l->caster, kernel, threads, err);
-	if (st != BB_OK) {
+	if (!l->caster.kernel) {
 		free(l);
 		return st;
 	}

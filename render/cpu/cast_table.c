@@ -11,6 +11,7 @@
 
 #define LEAST_ENTRIES 1024 /* 8 KiB: stays in the nearest cache */
 #define MOST_ENTRIES 65536
+#define PIECE_ERROR 1e-3 /* of the opacity; of a colour */
 #define ERROR_MOST (1.0 / 4096) /* of a sample, by taking the nearest entry */
 
 static bool same_transfer(const struct bb_transfer *a, const struct bb_transfer *b)
@@ -60,6 +61,52 @@ static void fill(uint64_t *entry, size_t n, const struct bb_transfer *tf, double
 	entry[n] = 0;
 }
 
+/* ---- straight pieces ---- */
+
+static void at_step(const struct bb_transfer *tf, double v, double step_voxels, double out[4])
+{
+	bb_transfer_at(tf, v, out);
+	out[3] = bb_transfer_opacity_for_step(out[3], step_voxels);
+}
+
+static bool good_at(const struct bb_cast_pieces *p, const struct bb_transfer *tf, double v, double step_voxels)
+{
+	const double x = v * BB_CAST_PIECES;
+	const int i = x < BB_CAST_PIECES ? (int)x : BB_CAST_PIECES - 1;
+	double rgba[4];
+
+	at_step(tf, v, step_voxels, rgba);
+	for (int k = 0; k < 4; k++) {
+		const double off = fabs((double)p->from[k][i] + (double)p->by[k][i] * x - rgba[k]);
+		if (k == 3 ? off > PIECE_ERROR * rgba[3] + 1e-7 : off > PIECE_ERROR && rgba[3] > 0)
+			return false;
+	}
+	return true;
+}
+
+/* Errors of neighbouring samples are alike and add up, so they must be small beside the opacity itself. */
+static bool fill_pieces(struct bb_cast_pieces *p, const struct bb_transfer *tf, double step_voxels)
+{
+	double here[4], next[4];
+
+	at_step(tf, 0, step_voxels, here);
+	for (int i = 0; i < BB_CAST_PIECES; i++) {
+		at_step(tf, (i + 1.0) / BB_CAST_PIECES, step_voxels, next);
+		for (int k = 0; k < 4; k++) {
+			p->by[k][i] = (float)(next[k] - here[k]);
+			p->from[k][i] = (float)(here[k] - (next[k] - here[k]) * i);
+		}
+		memcpy(here, next, sizeof(here));
+	}
+	for (int i = 0; i <= BB_CAST_PIECES * 16; i++)
+		if (!good_at(p, tf, i / (BB_CAST_PIECES * 16.0), step_voxels))
+			return false;
+	for (size_t i = 0; i < tf->n; i++)
+		if (!good_at(p, tf, tf->point[i].value, step_voxels))
+			return false;
+	return true;
+}
+
 bool bb_cast_table_update(struct bb_cast_table *t, const struct bb_transfer *tf, double step_voxels, size_t n_levels,
 			  bool *changed)
 {
@@ -70,12 +117,21 @@ bool bb_cast_table_update(struct bb_cast_table *t, const struct bb_transfer *tf,
 		return true;
 	const size_t n = entries_for(tf, step_voxels);
 	uint64_t *entry = aligned_alloc(64, ((n + 1) * n_levels * sizeof(*entry) + 127) / 64 * 64);
-	if (!entry)
+	struct bb_cast_pieces *pieces = aligned_alloc(64, n_levels * sizeof(*pieces));
+	if (!entry || !pieces) {
+		free(entry);
+		free(pieces);
 		return false;
-	for (size_t up = 0; up < n_levels; up++)
+	}
+	t->smooth = true;
+	for (size_t up = 0; up < n_levels; up++) {
 		fill(entry + up * (n + 1), n, tf, ldexp(step_voxels, (int)up));
+		t->smooth = fill_pieces(&pieces[up], tf, ldexp(step_voxels, (int)up)) && t->smooth;
+	}
 	free(t->entry);
+	free(t->pieces);
 	t->entry = entry;
+	t->pieces = pieces;
 	t->n = n;
 	t->n_levels = n_levels;
 	t->transfer = *tf;
@@ -86,5 +142,6 @@ bool bb_cast_table_update(struct bb_cast_table *t, const struct bb_transfer *tf,
 void bb_cast_table_release(struct bb_cast_table *t)
 {
 	free(t->entry);
+	free(t->pieces);
 	*t = (struct bb_cast_table){ 0 };
 }

@@ -226,9 +226,10 @@ static void take_numbers(struct bb_layer_walk *w, const uint32_t cell[3], size_t
 				continue;
 			}
 		}
-		for (; i < until && w->n < BB_LAYER_BATCH; i += s) {
+		while (i < until && w->n < BB_LAYER_BATCH) {
 			w->up[w->n] = (uint8_t)up;
 			w->number[w->n++] = (int32_t)i;
+			i += s;
 		}
 	}
 	w->next = least(i, end);

@@ -64,8 +64,8 @@ static void put_rays(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *
 	gl->Uniform1f(u->u_step_m, (float)rays->step_m);
 }
 
-static void put_atlas(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *u, const struct bb_gl_copy *c, bool by_level,
-		      GLint unit)
+static void put_atlas(const struct bb_gl *gl, const struct bb_gl_layer_uniforms *u, const struct bb_gl_copy *c,
+		      bool by_level, GLint unit)
 {
 	const struct bb_atlas *atlas = c->atlas;
 	struct bb_spherical ball;

@@ -3,9 +3,10 @@
  * and what they are. Read by program.c only; repeats rays.c in float.
  *
  * "@" in a piece stands for the layer's number. A ray asks the map where it is, walks to the end of what is alike there
- * and asks again; samples always lie at whole numbers of steps, so that what a brick is can change which texture is read
- * but never where. llvmpipe runs both sides of a branch, and a loop at least once: loops are
- * few, and test at their end.
+ * and asks again; samples always lie at whole numbers of steps, so that what a brick is can change what is read but never
+ * where. llvmpipe runs both sides of a branch, and a loop at least once: loops are few, and test at their end. What such
+ * a loop computes afresh in each round goes on being computed for a pixel that has left it while others of its group have
+ * not: after the loop it must not matter, or come out the same once more.
  */
 #ifndef BB_RENDER_GL_CAST_GLSL_H
 #define BB_RENDER_GL_CAST_GLSL_H
@@ -40,7 +41,7 @@ static const char bb_cast_common_glsl[] =
 	"	return y < 0.0 ? -p : p;\n"
 	"}\n";
 
-/* Before it: #defines STEPS@ (1 when the time falls on a step, else 2), SPHERICAL@, FLATS@ (there are cells of one value). */
+/* Before it: #defines STEPS@ (1 when the time falls on a step, else 2), SPHERICAL@, FLATS@ (some cells have one value). */
 static const char bb_cast_layer_glsl[] =
 	"uniform vec3 u_corner@, u_across@, u_down@;\n" /* m, from the eye */
 	"uniform vec3 u_eye@, u_voxels_per_m@, u_dim@;\n" /* the eye in corner coordinates */
@@ -166,7 +167,7 @@ static const char bb_cast_layer_glsl[] =
 	"		bool seen = (sign.x & uint(SEEN)) != 0u && (!partly || (bits & 1u) != 0u);\n"
 	"		low += partly ? part * wide : vec3(0.0);\n"
 	"#if SPHERICAL@\n"
-	"		float stop = i@ + 1.0;\n"
+	"		float stop = min(n@, i@ + 1.0);\n"
 	"		seen = seen && inside;\n"
 	"#else\n"
 	"		vec3 last = low * inverse@ + (wide * ahead@ - behind@);\n"

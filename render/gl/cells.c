@@ -3,10 +3,12 @@
 #include <string.h>
 
 #define MARGIN 8 /* 65535ths: more than one entry of the table */
-#define SHADE (65536 / BB_GL_SHADES)
-#define ACROSS_MOST 16
+#define SHADE 16 /* 65536 / SHADES */
+#define ACROSS_MOST 8
 #define ROW_BYTES 64 /* rows of a texture begin at multiples of this */
 #define JUMP_MOST 15
+
+_Static_assert(SHADE * BB_GL_SHADES == 65536, "shades are all of a range");
 
 void bb_gl_sight_make(const struct bb_transfer *tf, struct bb_gl_sight *out)
 {
@@ -24,20 +26,23 @@ static bool seen(const struct bb_gl_sight *s, struct bb_atlas_range r)
 
 /* ---- where slots lie ---- */
 
+/* As few slots beside each other as keep the rows' ends from being more than 0.8 of the rows: what lies between two planes
+ * of a brick costs a processor's cache more than what is left over does. */
 bool bb_gl_layout_make(uint32_t n_slots, uint32_t stored, size_t voxel_bytes, uint32_t most, struct bb_gl_layout *out)
 {
 	const uint32_t n = n_slots ? n_slots : 1, along = most / stored;
-	uint64_t best = UINT64_MAX;
 
-	for (uint32_t x = 1; along && x <= ACROSS_MOST && x <= along; x++) {
-		const uint32_t columns = (n + along - 1) / along, y = (columns + x - 1) / x, z = (n + x * y - 1) / (x * y);
-		const uint64_t row = (x * stored * voxel_bytes + ROW_BYTES - 1) / ROW_BYTES * ROW_BYTES, bytes = row * y * z;
-		if (y > along || bytes >= best)
+	if (!along)
+		return false;
+	for (uint32_t x = 1; x <= ACROSS_MOST && x <= along; x++) {
+		const size_t row = x * stored * voxel_bytes, whole = (row + ROW_BYTES - 1) / ROW_BYTES * ROW_BYTES;
+		const uint32_t columns = (n - 1) / along + 1, y = (columns - 1) / x + 1;
+		if ((whole * 10 > row * 18 && x < ACROSS_MOST && x < n) || (y > along && x < ACROSS_MOST && x < along))
 			continue;
-		best = bytes;
-		*out = (struct bb_gl_layout){ { x, y, z } };
+		*out = (struct bb_gl_layout){ { x, y, (n - 1) / (x * y) + 1 } };
+		return y <= along;
 	}
-	return best < UINT64_MAX;
+	return false;
 }
 
 void bb_gl_layout_at(const struct bb_gl_layout *l, uint32_t slot, uint32_t at[3])
@@ -202,7 +207,7 @@ static size_t index_of(const struct joining *j, uint32_t x, uint32_t y, uint32_t
 
 static bool same_level(const struct bb_gl_place *a, const struct bb_gl_place *b)
 {
-	return a->shrink > 0 ? a->shrink == b->shrink : !memcmp(a, b, sizeof(*a));
+	return a->shrink == b->shrink && (a->shrink > 0 || a->at[0] == b->at[0]);
 }
 
 /* Cells that show nothing are alike, and so are cells of bricks of one level, whichever they are: a brick's padding knows

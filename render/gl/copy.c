@@ -30,7 +30,7 @@ void bb_gl_copy_init(struct bb_gl_copy *c, const struct bb_gl *gl)
 		gl->BindTexture(target, c->name[t]);
 		gl->TexParameteri(target, GL_TEXTURE_MIN_FILTER, filter);
 		gl->TexParameteri(target, GL_TEXTURE_MAG_FILTER, filter);
-		gl->TexParameteri(target, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
+		gl->TexParameteri(target, GL_TEXTURE_WRAP_S, t < BB_GL_TABLE ? GL_CLAMP_TO_EDGE : GL_REPEAT);
 		gl->TexParameteri(target, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
 		gl->TexParameteri(target, GL_TEXTURE_WRAP_R, GL_CLAMP_TO_EDGE);
 		gl->TexParameteri(target, GL_TEXTURE_MAX_LEVEL, 0);

@@ -150,7 +150,7 @@ static struct bb_vec3 vertex_of(const struct sorting *s, const struct bb_mesh *m
 {
 	const float *v = mesh->vertex_m[mesh->triangle[triangle][k]];
 
-	return bb_vec3_sub((struct bb_vec3){ v[0], v[1], v[2] }, s->t->eye);
+	return bb_vec3_sub((struct bb_vec3){ (double)v[0], (double)v[1], (double)v[2] }, s->t->eye);
 }
 
 static uint32_t tile_at(double share, uint32_t pixels, uint32_t tiles, double slack)
@@ -223,7 +223,8 @@ static bool outside(const struct sorting *s, const struct plane p[3], uint32_t t
 	const double y[2] = { (double)tile_y * TILE / s->t->height, (tile_y + 1.0) * TILE / s->t->height };
 
 	for (int k = 0; k < 3; k++) {
-		const struct bb_vec3 n = { p[k].normal[0], p[k].normal[1], p[k].normal[2] };
+		const float *m = p[k].normal;
+		const struct bb_vec3 n = { (double)m[0], (double)m[1], (double)m[2] };
 		const double at = bb_vec3_dot(n, s->corner), dx = bb_vec3_dot(n, s->across), dy = bb_vec3_dot(n, s->down);
 		const double most = at + fmax(dx * x[0], dx * x[1]) + fmax(dy * y[0], dy * y[1]);
 		if (most < -1e-6 * (fabs(at) + fabs(dx) + fabs(dy)))

@@ -10,6 +10,8 @@
 
 #define SPARE 8 /* a split puts eight on a list that had one */
 #define HASH_LEAST 16
+#define SMALL_BYTES (UINT64_C(112) << 10) /* of staging: above it a reader takes a huge page, */
+#define LARGE_BYTES (UINT64_C(3) << 20)   /* which is worth it from here on */
 
 static size_t blocks_of(const struct bb_atlas *a)
 {
@@ -76,7 +78,10 @@ static void *take(struct bb_stream *s, size_t n, size_t size, bool *ok)
 /* Staging takes no more than a sixteenth of the budget, if one brick does not. */
 static enum bb_status take_reader(struct bb_stream *s, struct bb_error *err)
 {
-	const uint64_t share = s->config.memory_bytes / 16 / s->atlas.slot_bytes;
+	uint64_t share = s->config.memory_bytes / 16;
+	if (share < LARGE_BYTES && share > SMALL_BYTES)
+		share = SMALL_BYTES;
+	share /= s->atlas.slot_bytes;
 	const uint32_t most = s->complete || share > BB_READ_MOST ? BB_READ_MOST : (uint32_t)share;
 
 	return bb_bricks_reader_create(s->config.bricks, most, BB_BRICKS_CACHED, &s->reader, err);

@@ -80,7 +80,7 @@ void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts)
 
 	for (uint32_t i = 0; i < p->n_targets; i++) {
 		const struct bb_target *t = &p->target[i];
-		if (!(t->steps & 3U >> (2 - p->n_shown)))
+		if (!(t->steps & (p->n_shown == 2 ? 3 : 1)))
 			continue;
 		slot = bb_show_best(s, t->node, t->tau, &level);
 		const bool itself = s->slots.slot[slot].brick == bb_stream_brick(s, t->node, t->tau);

@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define LAST_RESORT 0.01F /* of its own error: what a split is worth at least */
-
 /* ---- what has been read ---- */
 
 void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_counts *counts)
@@ -65,7 +63,7 @@ static void look(struct bb_stream *s, const struct bb_stream_frame *f)
 
 	for (size_t i = 0; i < n; i++)
 		view[i] = (struct bb_sight_view){ &f->views[i], f->width_px, f->height_px };
-	bb_sight_prepare(s->tree, h->grid, h->extent, &s->config.placement.pose, s->config.placement.size_m, view, n, NULL,
+	bb_sight_prepare(s->tree, h->grid, h->extent, &s->config.placement.pose, s->config.placement.size_m, view, n, s->hide.seen,
 			 s->frustum, &s->sight);
 }
 
@@ -83,6 +81,8 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_str
 	bb_show_keep(s);
 	bb_ask(s, f, &counts);
 	bb_show(s, f->step, &counts);
+	if (s->hide.seen)
+		bb_hide(s, f);
 	for (size_t i = 0; i < f->n_views; i++)
 		bb_count_rays(s, &f->views[i], f, &counts);
 	return counts;
@@ -115,14 +115,12 @@ static enum bb_status rate_all(struct bb_stream *s, struct bb_error *err)
 
 	if (s->complete)
 		return BB_OK;
+	bb_hide_edit(s);
 	bb_gain_weights(s->config.transfer, &w);
 	const enum bb_status status =
 		bb_gain_points(s->config.bricks, &w, s->config.gain, s->space, s->time, s->work, err);
-	for (uint64_t i = 0; !status && s->config.gain == BB_GAIN_LEAF && i < s->tree->n_bricks; i++) {
-		/* Children may be no better than their parent where grandchildren are. */
-		s->space[i] = s->space[i] < 0 ? -1 : fmaxf(s->space[i], LAST_RESORT * s->work[i] / 8);
-		s->time[i] = s->time[i] < 0 ? -1 : fmaxf(s->time[i], LAST_RESORT * s->work[i] / 2);
-	}
+	if (!status && s->config.gain == BB_GAIN_LEAF)
+		bb_gain_press_on(s->work, s->tree->n_bricks, s->space, s->time);
 	return status;
 }
 
@@ -157,6 +155,14 @@ static enum bb_status begin(struct bb_stream *s, struct bb_error *err)
 		s->space = malloc(n * sizeof(*s->space));
 		s->time = malloc(n * sizeof(*s->time));
 		s->work = malloc(n * sizeof(*s->work));
+	}
+	if (!s->complete && s->config.occlusion) {
+		s->hide.light = calloc(s->tree->n_nodes, sizeof(*s->hide.light));
+		s->hide.seen = calloc(s->tree->n_nodes, sizeof(*s->hide.seen));
+		if (!s->hide.light || !s->hide.seen)
+			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the light of %u nodes", s->tree->n_nodes);
+		for (uint32_t i = 0; i < s->tree->n_nodes; i++) /* until a ray says otherwise */
+			s->hide.light[i] = s->hide.seen[i] = 1;
 	}
 	if (!s->bad || (!s->complete && (!s->space || !s->time || !s->work)))
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings of %llu bricks", (unsigned long long)n);
@@ -201,6 +207,8 @@ void bb_stream_destroy(struct bb_stream *s)
 	free(s->time);
 	free(s->work);
 	free(s->bad);
+	free(s->hide.light);
+	free(s->hide.seen);
 	free(s);
 }
 

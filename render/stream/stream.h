@@ -28,6 +28,7 @@ struct bb_stream_config {
 	uint32_t bricks_per_frame; /* 0: no limit */
 	enum bb_gain_method gain;
 	bool no_prediction;
+	bool occlusion; /* what little light reached lately is worth less: for data that hides itself */
 };
 
 struct bb_stream_frame { /* what a frame is about */

@@ -11,6 +11,7 @@
 
 #define BB_NO_BRICK UINT64_MAX
 #define BB_NO_SLOT UINT32_MAX
+#define BB_HIDE_ENTRIES 1024
 #define BB_VIEWS_MOST 128
 #define BB_STEPS_MOST 6 /* two on show, four ahead */
 
@@ -90,6 +91,11 @@ struct bb_stream {
 	struct bb_loader *loader;
 	struct bb_sight sight;
 	struct bb_sight_frustum frustum[BB_VIEWS_MOST];
+	struct {
+		float opacity[BB_HIDE_ENTRIES]; /* of a step, by value */
+		float *light;                   /* [cells] the largest share that came here lately */
+		float *seen;                    /* [n_nodes] for the sight */
+	} hide;
 	float *space, *time;   /* [n_bricks] points, and work */
 	float *work;
 	uint64_t held_bytes;   /* under the memory budget */
@@ -139,6 +145,10 @@ void bb_stream_give(struct bb_stream *s);
 /* Reads up to BB_READ_MOST bricks into their slots' memory, by the stream's one reader: one thread at a time. err: the
  * first one's. */
 void bb_stream_read(struct bb_stream *s, struct bb_load *loads, size_t n, struct bb_error *err);
+
+/* hide.c: after the maps are made; and whenever the transfer function is another one. */
+void bb_hide(struct bb_stream *s, const struct bb_stream_frame *frame);
+void bb_hide_edit(struct bb_stream *s);
 
 /* count.c */
 void bb_count_rays(const struct bb_stream *s, const struct bb_view *view, const struct bb_stream_frame *frame,
