@@ -28,7 +28,7 @@ static double stored_value(const struct bb_atlas *a, const uint8_t *brick, size_
 	return a->type == BB_BRICK_U16 ? (double)a->scale * half : (double)bb_from_half(half);
 }
 
-/* The nearest voxel of the brick that stands for a point of corner coordinates. */
+/* The nearest voxel of the brick that stands for a point of corner coordinates, at the step that counts for more. */
 static double value_at(const struct bb_atlas *a, struct bb_vec3 p, uint32_t *up)
 {
 	const double at[3] = { p.x, p.y, p.z };
@@ -39,7 +39,7 @@ static double value_at(const struct bb_atlas *a, struct bb_vec3 p, uint32_t *up)
 		const double c = at[k] > 0 ? at[k] / a->edge : 0;
 		cell[k] = c < a->grid[k] ? (uint32_t)c : a->grid[k] - 1;
 	}
-	const struct bb_atlas_cell *c = &a->map[0][((size_t)cell[2] * a->grid[1] + cell[1]) * a->grid[0] + cell[0]];
+	const struct bb_atlas_cell *c = &a->map[a->mix > 0.5F][((size_t)cell[2] * a->grid[1] + cell[1]) * a->grid[0] + cell[0]];
 	*up = c->up;
 	if (c->slot < 0)
 		return (double)c->value;

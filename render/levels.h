@@ -1,6 +1,7 @@
 /*
  * render/levels.h: how fine each part of a picture is: a volume's cells in the colour of their brick's level, the nearer
- * ones in front, as far as the transfer function shows anything of them. A picture to look at; not exact.
+ * ones in front, as far as the transfer function shows anything of them. Between two steps it shows the one that counts
+ * for more. A picture to look at; not exact.
  */
 #ifndef BB_RENDER_LEVELS_H
 #define BB_RENDER_LEVELS_H

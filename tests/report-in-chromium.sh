@@ -47,7 +47,7 @@ check "a planted request is seen" [ -s "$work/requests.txt" ]
 visit "$work/r/report.html"
 check "the console stays silent" [ ! -s "$work/console.txt" ]
 check "no request" [ ! -s "$work/requests.txt" ]
-for section in verdicts trouble latency time room pictures devices counters configuration versions; do
+for section in verdicts trouble latency time streaming room pictures devices counters configuration versions; do
 	check "section $section" grep -q "id=\"$section\"" "$work/dom.html"
 done
 check "pictures are embedded" grep -q 'src="data:image/png;base64' "$work/dom.html"

@@ -170,7 +170,7 @@ static void test_csv(void **state)
 {
 	struct place *p = *state;
 	const struct bb_frame_row bare = { .frame = 9999, .late_node = 3, .head_to_photon_ms = (double)NAN,
-		.flags = BB_FRAME_TORN | BB_FRAME_MONO };
+		.flags = BB_FRAME_TORN | BB_FRAME_MONO, .deficit = 77, .upload_ms = 0.25 };
 	size_t commas;
 	const char *text;
 
@@ -183,7 +183,7 @@ static void test_csv(void **state)
 		commas += *c == ',';
 	assert_int_equal(occurrences(text, ","), commas * 602);
 	assert_non_null(strstr(text, ",NA,"));
-	assert_non_null(strstr(text, ",\"'=1+1\"\"\",torn+mono\n")); /* no formula for a spreadsheet */
+	assert_non_null(strstr(text, ",\"'=1+1\"\"\",torn+mono,77,0.25\n")); /* no formula for a spreadsheet */
 }
 
 static void test_trace(void **state)
@@ -262,6 +262,70 @@ static void test_html(void **state)
 		snprintf(want, sizeof(want), "<section id=\"%s\">", *id);
 		assert_non_null(strstr(text, want));
 	}
+}
+
+/* Nodes of which one draws nothing and one has no limits and could not read; first in time, then late by bricks. */
+static void fill_streaming(struct bb_run_result *r)
+{
+	struct bb_stream_result *s = &r->streaming;
+	const struct bb_stream_load load = { .frame = 9, .at_ns = 3 * BB_NS_PER_S, .bricks = 1, .bytes = 2048, .ms = 0.5,
+		                             .frame_ms = 4 };
+
+	s->nodes = calloc(r->room->n_nodes, sizeof(*s->nodes));
+	assert_non_null(s->nodes);
+	s->n_nodes = r->room->n_nodes;
+	s->limit_ms = 8;
+	s->data_bytes = 8 << 20;
+	s->nodes[1] = (struct bb_stream_node){ .frames = 10, .budget_bytes = 2 << 20, .held_bytes = 1 << 20, .budget_bricks = 24,
+		.loaded = { 50, 12 }, .deficit = { 15, 4 }, .most = load, .load_sum_ms = 2 };
+	s->nodes[2] = (struct bb_stream_node){ .frames = 10, .failed = 3, .odd = 2, .error = 1441 };
+	snprintf(s->nodes[2].error_text, sizeof(s->nodes[2].error_text), "BB1441: <script>alert(1)</script>");
+}
+
+static void test_streaming(void **state)
+{
+	struct place *p = *state;
+	struct bb_run_result *r = p->x->result;
+	struct bb_stream_node *late;
+	char sentence[256];
+	const char *text;
+
+	bb_result_loads(r, sentence, sizeof(sentence));
+	assert_string_equal(sentence, "");
+	fill_streaming(r);
+	bb_result_loads(r, sentence, sizeof(sentence));
+	assert_string_equal(sentence, "no brick load spent a frame; the most was 0.500 ms of 8.00 ms, on node/left at 3.000 s (1 "
+	                              "brick, 2.0 KiB)");
+	char *json = bb_result_json_text(r);
+	json_t *root = json_loads(json, 0, NULL), *nodes = json_object_get(json_object_get(root, "streaming"), "nodes");
+	const json_t *first = json_array_get(nodes, 0), *second = json_array_get(nodes, 1);
+	assert_int_equal(json_array_size(nodes), 2);
+	assert_true(json_number_value(json_object_get(first, "data_over_memory")) == 4);
+	assert_true(json_number_value(json_object_get(json_object_get(first, "bricks_read"), "mean")) == 5);
+	assert_int_equal(json_integer_value(json_object_get(json_object_get(first, "deficit_cells"), "most")), 4);
+	assert_true(json_number_value(json_object_get(first, "mean_load_share_of_limit")) == 0.2 / 8);
+	assert_true(json_is_null(json_object_get(second, "memory_budget_bytes")));
+	assert_true(json_is_null(json_object_get(second, "data_over_memory")));
+	assert_int_equal(json_integer_value(json_object_get(second, "error")), 1441);
+	json_decref(root);
+	free(json);
+
+	late = &r->streaming.nodes[2];
+	late->late = 7;
+	late->worst = (struct bb_stream_load){ .frame = 4, .at_ns = BB_NS_PER_S, .bricks = 8, .bytes = 8192, .ms = 6, .frame_ms = 11 };
+	bb_result_loads(r, sentence, sizeof(sentence));
+	assert_string_equal(sentence, "brick loads made 7 frames late; the worst at 1.000 s: node/right read 8 bricks (8.0 KiB), "
+	                              "6.000 ms of a frame of 11.000 ms (limit 8.00 ms)");
+	assert_int_equal(bb_report_html_write(r, p->dir, path_in(p, "report.html"), NULL, NULL), BB_OK);
+	text = read_back(p);
+	check_clean(text);
+	for (const char *const *tag = (const char *const[]){ "table", "tr", "td", "th", "p", "section", "svg", NULL }; *tag; tag++)
+		check_balanced(text, *tag);
+	assert_non_null(strstr(text, "id=\"streaming\""));
+	assert_non_null(strstr(text, "Brick loads made 7 frames late"));
+	assert_non_null(strstr(text, "3 bricks could not be read"));
+	assert_non_null(strstr(text, "4 times what a node may hold"));
+	assert_null(strstr(text, "<script"));
 }
 
 static void test_html_of_nothing(void **state)
@@ -423,6 +487,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(test_trace, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_trace_lanes, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_html, set_up, tear_down),
+		cmocka_unit_test_setup_teardown(test_streaming, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_html_of_nothing, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_pictures_stay_inside, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_old_or_new, set_up, tear_down),

@@ -47,7 +47,8 @@ static void epi_is_as_committed(void **state)
 
 static void all_scenes_load_with_their_paths(void **state)
 {
-	static const char *const paths[] = { "scenes/epi.yaml", "scenes/cme.yaml", "scenes/calibration.yaml", "scenes/desk.yaml" };
+	static const char *const paths[] = { "scenes/epi.yaml", "scenes/cme.yaml", "scenes/calibration.yaml", "scenes/desk.yaml",
+		                             "scenes/wind.yaml" };
 	struct bb_error err = { 0 };
 	struct bb_path *head;
 
@@ -59,6 +60,19 @@ static void all_scenes_load_with_their_paths(void **state)
 		bb_path_free(head);
 		bb_scene_free(s);
 	}
+}
+
+/* Its values are four times what a node may hold. */
+static void the_wind_is_four_times_its_memory(void **state)
+{
+	struct bb_scene *s = load("scenes/wind.yaml");
+	const double voxels = (double)s->data.dim[0] * s->data.dim[1] * s->data.dim[2] * (double)s->data.steps;
+
+	(void)state;
+	assert_true(s->data.dim[0] == 64 && s->data.dim[1] == 64 && s->data.dim[2] == 128);
+	assert_true(s->data.brick_voxels == 8 && s->data.values == 1 && s->data.predict && s->pictures.levels);
+	assert_true(voxels * 2 >= 4 * s->memory_mib * 1048576);
+	bb_scene_free(s);
 }
 
 static void what_is_not_needed_is_not_needed(void **state)
@@ -117,6 +131,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(epi_is_as_committed),
 		cmocka_unit_test(all_scenes_load_with_their_paths),
+		cmocka_unit_test(the_wind_is_four_times_its_memory),
 		cmocka_unit_test(what_is_not_needed_is_not_needed),
 		cmocka_unit_test(one_byte_changes_the_hash),
 		cmocka_unit_test(the_desktop_gpu_is_fast),
