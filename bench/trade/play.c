@@ -359,7 +359,8 @@ static enum bb_status still_on(struct play *y, const struct choices *c, struct b
 		last = a;
 		in_use = n.in_use > in_use ? n.in_use : in_use;
 		count(y, i ? n.bricks : 0, i ? n.bytes : 0); /* the first is bring-up */
-		const struct bb_layer layer = { bb_still_atlas(still), config->transfer, y->t->placement, NULL };
+		const struct bb_layer layer = { .atlas = bb_still_atlas(still), .transfer = config->transfer,
+						.placement = y->t->placement };
 		status = show(y, i, &layer, &f.view, &spent, err);
 	}
 	y->p->atlas_bricks = in_use;
