@@ -318,7 +318,8 @@ static enum bb_status choose_all(struct play *y, struct choices *c, struct bb_er
 		const struct bb_selector_ask ask = { .step = i,
 						     .space_most = s->tolerance,
 						     .time_most = s->tolerance,
-						     .budget = { bricks_that_fit(y), s->bricks_per_frame } };
+						     .budget = { .memory_bricks = bricks_that_fit(y),
+								 .stream_bricks = s->bricks_per_frame } };
 		const struct spent from = begin();
 		c->n[i] = s->selector->choose(c->tree, &y->t->ratings, &ask, c->heap, c->out);
 		c->ms[i] = since(&from).cpu_ms;
