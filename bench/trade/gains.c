@@ -124,7 +124,7 @@ enum bb_status bb_gains_measure(struct bb_trade *trade, uint32_t brick, enum bb_
 
 struct bb_gains_duel bb_gains_duel(const struct bb_gains *g, bool stream, enum bb_gains_selector other)
 {
-	const struct bb_gains_value *leaf = stream ? g->stream[BB_GAINS_FAR] : g->memory[BB_GAINS_FAR];
+	const struct bb_gains_value *leaf = stream ? g->stream[BB_GAINS_LEAF] : g->memory[BB_GAINS_LEAF];
 	const struct bb_gains_value *with = stream ? g->stream[other] : g->memory[other];
 	struct bb_gains_duel d = { .least_db = (double)INFINITY, .most_db = -(double)INFINITY };
 

@@ -43,7 +43,7 @@ struct bb_gains { /* of one camera */
 	uint32_t point_memory[4], point_stream[4];
 };
 
-/* The leaf error (of ours, that looks further) against another gain at middle budgets, a 256th to a quarter of the leaves. */
+/* The leaf error against another gain at middle budgets, a 256th to a quarter of the leaves. */
 struct bb_gains_duel {
 	unsigned n, won, lost; /* by more than 0.05 dB */
 	double mean_db, least_db, most_db;

@@ -64,7 +64,7 @@ json_t *bb_gains_json(const struct bb_gains *g)
 		json_array_append_new(points, value_json(&g->point[i], g->point_memory[i], g->point_stream[i]));
 	for (int k = 0; k < 2; k++)
 		for (int s = 0; s < (k ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS); s++)
-			if (s != BB_GAINS_FAR)
+			if (s != BB_GAINS_LEAF)
 				json_array_append_new(duels, duel_json(g, k, (enum bb_gains_selector)s));
 	json_object_set_new(o, "leaves", json_integer(g->leaves));
 	json_object_set_new(o, "memory", memory);
@@ -98,7 +98,7 @@ static void print_duel(const struct bb_gains *g, bool stream, enum bb_gains_sele
 {
 	const struct bb_gains_duel d = bb_gains_duel(g, stream, other);
 
-	fprintf(out, "- %s budget, far against %s: better at %u, worse at %u of %u middle budgets; %+.2f dB (%+.2f to %+.2f)\n",
+	fprintf(out, "- %s budget, leaf against %s: better at %u, worse at %u of %u middle budgets; %+.2f dB (%+.2f to %+.2f)\n",
 		stream ? "streaming" : "memory", bb_gains_selector_text(other), d.won, d.lost, d.n, d.mean_db, d.least_db,
 		d.most_db);
 }
@@ -116,7 +116,7 @@ void bb_gains_print(const struct bb_gains *g, FILE *out)
 	fputc('\n', out);
 	for (int k = 0; k < 2; k++)
 		for (int s = 0; s < (k ? BB_GAINS_UNIFORM : BB_GAINS_SELECTORS); s++)
-			if (s != BB_GAINS_FAR)
+			if (s != BB_GAINS_LEAF)
 				print_duel(g, k, (enum bb_gains_selector)s, out);
 }
 

@@ -318,7 +318,8 @@ static enum bb_status choose_all(struct play *y, struct choices *c, struct bb_er
 		const struct bb_selector_ask ask = { .step = i,
 						     .space_most = s->tolerance,
 						     .time_most = s->tolerance,
-						     .budget = { bricks_that_fit(y), s->bricks_per_frame } };
+						     .budget = { .memory_bricks = bricks_that_fit(y),
+								 .stream_bricks = s->bricks_per_frame } };
 		const struct spent from = begin();
 		c->n[i] = s->selector->choose(c->tree, &y->t->ratings, &ask, c->heap, c->out);
 		c->ms[i] = since(&from).cpu_ms;
@@ -359,7 +360,8 @@ static enum bb_status still_on(struct play *y, const struct choices *c, struct b
 		last = a;
 		in_use = n.in_use > in_use ? n.in_use : in_use;
 		count(y, i ? n.bricks : 0, i ? n.bytes : 0); /* the first is bring-up */
-		const struct bb_layer layer = { bb_still_atlas(still), config->transfer, y->t->placement, NULL };
+		const struct bb_layer layer = { .atlas = bb_still_atlas(still), .transfer = config->transfer,
+						.placement = y->t->placement };
 		status = show(y, i, &layer, &f.view, &spent, err);
 	}
 	y->p->atlas_bricks = in_use;
