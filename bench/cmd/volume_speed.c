@@ -74,14 +74,14 @@ struct speed {
 static uint64_t draw(uint64_t *state, uint64_t n)
 {
 	*state = *state * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-	return (*state >> 33) % n;
+	return n ? (*state >> 33) % n : 0;
 }
 
 /* Bricks of the whole file, each at most once. */
 static uint32_t order_random(const struct speed *s, uint64_t seed, uint32_t most)
 {
 	const uint32_t n_bricks = (uint32_t)bb_bricks_header(s->b)->tree.n_bricks;
-	uint32_t *all = malloc(n_bricks * sizeof(*all));
+	uint32_t *all = calloc(n_bricks, sizeof(*all));
 	const uint32_t n = most < n_bricks ? most : n_bricks;
 
 	for (uint32_t i = 0; all && i < n_bricks; i++)
@@ -256,10 +256,10 @@ static void compare(struct speed *s, enum way peer, enum way way, bool unpacked,
 	const size_t bytes = unpacked ? (size_t)ROUND_WARM_BYTES * out->threads : ROUND_COLD_BYTES;
 	const uint32_t fits = (uint32_t)(bytes / s->n_brick / s->batch) * s->batch,
 		       least = s->batch * out->threads,
-		       wanted = fits > least ? fits : least, part = wanted < s->n ? wanted : s->n;
+		       wanted = fits > least ? fits : least, part = wanted < s->n ? wanted : s->n, parts = part ? s->n / part : 0;
 
 	for (unsigned i = 0; i < rounds; i++) {
-		s->from = part * (i % (s->n / part));
+		s->from = parts ? part * (i % parts) : 0;
 		s->to = s->from + part;
 		a[i] = rate(s, peer, out->peer_threads, unpacked);
 		b[i] = rate(s, way, out->threads, unpacked);
