@@ -33,8 +33,10 @@ static void front_by_hand(void **ctx)
 		{ 10, 1, false },    /* 7: the cheapest */
 		{ 41, 100, false },  /* 8: the best */
 		{ 10, 1.5, false },  /* 9: as good as the cheapest, but dearer */
+		{ 20, 4, false },    /* 10: as dear as 1, but worse */
 	};
-	static const bool expected[] = { false, true, true, true, false, false, false, true, true, false };
+	static const bool expected[] = { false, true, true, true, false, false, false, true, true, false,
+					 false };
 
 	(void)ctx;
 	bb_front_mark(p, BB_ARRAY_LEN(p));
@@ -249,6 +251,7 @@ static void played(struct bb_renderer *r)
 		assert_true(p[i].memory_bytes <= (uint64_t)(mib[i] * 1048576) && p[i].samples > 0);
 		assert_int_equal(bb_trade_play(t, &s, &again, &err), BB_OK);
 		same_counters(&p[i], &again);
+		assert_true(p[i].psnr_db >= p[i].psnr_least_db - 1e-9 && p[i].psnr_db < p[i].psnr_least_db + 20);
 	}
 	assert_true(p[3].psnr_db > p[0].psnr_db + 10 && p[3].ssim > p[0].ssim && p[3].luv < p[0].luv);
 	s.at_once = true; /* whole choices, all of it: nothing but 16 bits and a longer step between it and the reference */
