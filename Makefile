@@ -226,6 +226,5 @@ help:
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
         bench bench-volume bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
-        bench bench-volume bench-gl fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d
