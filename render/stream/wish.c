@@ -110,7 +110,7 @@ static uint32_t pace(const struct bb_stream *s)
 	if (!s->plan.n_ahead)
 		return UINT32_MAX;
 	for (uint32_t i = 0; i < s->n_wishes; i++) {
-		const uint32_t due = s->wish[i].due + s->plan.grace;
+		const uint32_t due = s->wish[i].due > s->plan.grace ? s->wish[i].due : s->plan.grace;
 		shown += !s->wish[i].due;
 		if (i + 1 < s->n_wishes && s->wish[i + 1].due == s->wish[i].due)
 			continue;
