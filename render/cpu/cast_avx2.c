@@ -183,32 +183,7 @@ static inline void gather64_4(const uint8_t *from, vi index, vi *low, vi *high)
 		     _mm256_i32gather_epi64(base, _mm256_extracti128_si256((__m256i)index, 1), 4), low, high);
 }
 
-#define PIECES false
-static inline vf only(vm mask, vf v)
-{
-	return pick(mask, v, all(0));
-}
-
-static inline vf pick_piece(const float *piece, vi index)
-{
-	(void)index;
-	return all(piece[0]);
-}
-
-#define BOX 0 /* nothing here can look up so many voxels in registers */
-struct box {
-	char none;
-};
-static inline void boxes_at(unsigned boxes, const uint8_t *brick, const float low[4], const float along[4], float at,
-			    float each, uint32_t stored, struct box out[2])
-{
-	(void)boxes, (void)brick, (void)low, (void)along, (void)at, (void)each, (void)stored, (void)out;
-}
-
-static inline void box_corners(unsigned boxes, const struct box box[2], const vf whole[3], vf corner[8])
-{
-	(void)boxes, (void)box, (void)whole, (void)corner;
-}
+#include "render/cpu/cast_gathers.inc"
 
 static inline unsigned floats_begin(void)
 {
