@@ -111,7 +111,7 @@ static void draw_ray(struct pixel *px)
 		head_m[k] = head_of(px, k);
 	while (1 - px->sum[3] >= OPAQUE) {
 		const size_t k = next_of(head_m, n, &limit_m, &ties);
-		if (head_m[k] == HUGE_VAL)
+		if (k >= n || head_m[k] == HUGE_VAL)
 			return;
 		if (k == px->n_layers)
 			add_fragment(px);

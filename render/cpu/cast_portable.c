@@ -26,7 +26,7 @@ static inline vf to_float(vi v)
 
 static inline vi to_int(vf v) /* towards zero; what does not fit becomes anything */
 {
-	vi out;
+	vi out = { 0 };
 
 	for (int k = 0; k < WIDTH; k++)
 		out[k] = v[k] > -2e9F && v[k] < 2e9F ? (int32_t)v[k] : 0;
@@ -167,7 +167,7 @@ static inline vf product(vf clear) /* over all of a ray's lanes */
 
 static inline vi gather32(const uint8_t *base, vi byte_offset)
 {
-	vi out;
+	vi out = { 0 };
 
 	for (int k = 0; k < WIDTH; k++) {
 		int32_t v;

@@ -22,7 +22,7 @@ void bb_cast_space_release(struct bb_cast_space *s)
 		free(s->wall[a]);
 	free(s->seen[0]);
 	free(s->seen[1]);
-	*s = (struct bb_cast_space){ 0 };
+	memset(s, 0, sizeof(*s));
 }
 
 /* ---- a volume's own numbers ---- */
@@ -33,8 +33,10 @@ static bool make_walls(struct bb_cast_space *s, const struct bb_atlas *atlas)
 		float *w = malloc((s->n_blocks[a] + 1) * sizeof(*w));
 		if (!w)
 			return false;
-		for (uint32_t i = 0; i < s->n_blocks[a]; i++)
-			w[i] = (float)(i / atlas->blocks * atlas->edge + i % atlas->blocks * BB_ATLAS_BLOCK);
+		for (uint32_t i = 0; i < s->n_blocks[a]; i++) {
+			const uint32_t cell = i / atlas->blocks, block = i % atlas->blocks;
+			w[i] = (float)(cell * atlas->edge + block * BB_ATLAS_BLOCK);
+		}
 		w[0] = -FAR;
 		w[s->n_blocks[a]] = FAR;
 		s->wall[a] = w;

@@ -11,7 +11,7 @@ typedef uint32_t vu __attribute__((vector_size(4 * WIDTH)));
 
 static inline vi gather32(const void *base, vi byte_offset)
 {
-	vi out;
+	vi out = { 0 };
 
 	for (int k = 0; k < WIDTH; k++) {
 		int32_t v;

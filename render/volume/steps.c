@@ -119,7 +119,10 @@ static enum bb_status take(struct bb_steps *s, const struct bb_steps_file *f, st
 				       "%lld x %lld x %lld voxels, the first file has %lld x %lld x %lld",
 				       (long long)l->dim[0], (long long)l->dim[1], (long long)l->dim[2],
 				       (long long)first->dim[0], (long long)first->dim[1], (long long)first->dim[2]);
-	if (l->spherical != first->spherical || memcmp(l->extent, first->extent, sizeof(l->extent)) != 0)
+	bool other = l->spherical != first->spherical;
+	for (int i = 0; i < 6; i++)
+		other |= l->extent[i] < first->extent[i] || l->extent[i] > first->extent[i];
+	if (other)
 		return bb_fail(err, BB_ERR_FORMAT, 1446, &f->bytes.where,
 			       "its grid is another one than the first file's");
 	if (l->n_steps > (int64_t)(1u << 16) - s->n_steps)
