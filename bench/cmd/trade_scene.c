@@ -79,7 +79,7 @@ static enum bb_status read_generated(struct job *j, const char *kind, struct bb_
 
 static enum bb_status read_scene(struct job *j, struct bb_error *err)
 {
-	const char *kind = bb_cli_get(j->cli, "generate", NULL), *arg = j->cli->n_args ? j->cli->arg[0] : NULL;
+	const char *kind = bb_cli_get(j->cli, "generate", NULL), *arg = j->cli->n_args ? j->cli->arg[0] : "";
 
 	if (kind)
 		return read_generated(j, kind, err);

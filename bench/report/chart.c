@@ -143,8 +143,11 @@ static void ticks(const struct drawn *d, const struct axis *a, bool vertical)
 		return;
 	}
 	const double step = tick_step(a->high - a->low, vertical ? 7 : 8);
-	for (double v = ceil(a->low / step) * step; v <= a->high + step * 1e-9; v += step)
+	const double first = ceil(a->low / step), n = floor(a->high / step + 1e-9) - first + 1;
+	for (int i = 0; i < 64 && i < n; i++) {
+		const double v = (first + i) * step;
 		tick(d, vertical, place(a, v), number(text, sizeof(text), v));
+	}
 }
 
 static void frame(const struct drawn *d)
