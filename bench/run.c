@@ -84,6 +84,16 @@ static enum bb_status load_files(struct work *w, struct bb_error *err)
 	return status;
 }
 
+/* Every brick of two steps is what a picture is judged by: not of data that is made to be larger than memory. */
+static bool can_judge(const struct bb_bricks *b)
+{
+	const struct bb_bricks_header *h = bb_bricks_header(b);
+	const struct bb_tree *t = &h->tree;
+	const uint64_t n_cells = t->n_nodes - t->first[t->n_levels - 1];
+
+	return n_cells <= BB_VOLUME_CAP_BYTES / (2 * bb_bricks_brick_bytes(h));
+}
+
 static enum bb_status load_data(struct work *w, struct bb_error *err)
 {
 	const struct bb_scene *s = w->run->scene;
@@ -95,7 +105,7 @@ static enum bb_status load_data(struct work *w, struct bb_error *err)
 	status = bb_data_open(s, &w->bricks, err);
 	if (status == BB_OK)
 		status = bb_transfer_load(s->transfer_function, &w->transfer, err);
-	if (status != BB_OK || !w->o->pictures || !w->o->measure_psnr)
+	if (status != BB_OK || !w->o->pictures || !w->o->measure_psnr || !can_judge(w->bricks))
 		return status;
 	const struct bb_stream_config full = { .bricks = w->bricks, .transfer = &w->transfer, .no_prediction = true,
 		                               .placement = bb_loop_placement(s, w->bricks) };
@@ -259,7 +269,7 @@ static void gather(struct work *w)
 {
 	const struct bb_outcome_sources s = { .options = w->o, .rig = &w->rig, .events = &w->events, .world = w->world,
 		                              .watch = w->watch, .facility = w->facility, .loop = &w->loop,
-		                              .pictures = w->pictures, .renderer = w->renderer, .bricks = w->bricks,
+		                              .pictures = w->pictures, .renderer = w->renderer, .bricks = w->bricks, .judged = w->full != NULL,
 		                              .clk = w->clk, .bring_up_ns = w->bring_up_ns };
 
 	bb_eventlog_flush(&w->events);

@@ -119,7 +119,8 @@ bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t 
 		return false;
 	const double limit = n->loop->result->streaming.limit_ms;
 	const struct bb_stream_load load = { .frame = n->frame, .at_ns = received_ns - n->loop->scene_start_ns,
-		                             .bricks = n->counts.loaded, .bytes = n->counts.bytes,
+		                             .bricks = n->counts.arrived,
+		                             .bytes = n->counts.arrived * n->loop->result->streaming.brick_bytes,
 		                             .ms = (double)n->load_ns * 1e-6,
 		                             .frame_ms = (double)(ready_ns - received_ns) * 1e-6 };
 	r->load_sum_ms += load.ms;
