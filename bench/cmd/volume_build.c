@@ -105,10 +105,9 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 		c->most = range[1];
 	}
 	if (bb_cli_has(cli, "spherical")) {
-		const double *e = c->extent;
 		c->grid = BB_BRICK_SPHERICAL;
-		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
-		    !(e[3] > e[2] && e[5] > e[4] && e[1] < 1e12 && e[2] >= 0 && e[3] < 3.1416 && e[5] - e[4] < 6.2832))
+		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) ||
+		    !bb_steps_extent_is_sane(c->extent))
 			return bad(cli, "spherical", err);
 	}
 	return BB_OK;
