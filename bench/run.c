@@ -14,6 +14,7 @@
 #include "bench/loop/loop.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
+#include "render/parallel.h"
 
 #define BRING_UP_MOST_NS (120 * BB_NS_PER_S)
 #define WATCH_SETTLE_NS (BB_NS_PER_S / 2)
@@ -166,14 +167,12 @@ static enum bb_status bring_up(struct work *w, struct bb_error *err)
 static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 {
 	const bool pictures = w->o->pictures && w->run->scene->pictures.n_at;
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	enum bb_status status = BB_OK;
 
 	if (!pictures && !w->o->posix_clock)
 		return BB_OK;
 	if (w->bricks && !strcmp(w->o->gl, "cpu"))
-		status = bb_renderer_cpu_create("auto", (unsigned)(processors > 0 && processors < 64 ? processors : 1), &w->renderer,
-		                                err);
+		status = bb_renderer_cpu_create("auto", bb_parallel_processors(), &w->renderer, err);
 	else if (w->bricks)
 		status = bb_renderer_gl_create(w->o->gl, &w->renderer, err);
 	if (status != BB_OK || !pictures)
