@@ -40,12 +40,14 @@ static uint64_t brick_bytes(const struct bb_node_machine *n)
 	return n->stream ? bb_stream_atlas(n->stream)->slot_bytes : 0;
 }
 
-/* Bricks that may still be uploaded before the deadline; one always may, or nothing would ever change. */
+/* Bricks that may still be uploaded within the limit that makes a frame late, if it costs what the last one did; one
+ * always may, or nothing would ever change. */
 static uint32_t bricks_in_time(const struct bb_node_machine *n)
 {
 	const struct bb_profile *p = &n->profile;
 	const double each_ns = p->per_brick_ns + p->per_byte_ns * (double)brick_bytes(n);
-	const double left_ns = (double)(n->loop->frame_ns - n->draw_ns);
+	const double left_ns = n->loop->result->streaming.limit_ms * 1e6 - (double)n->draw_ns -
+	                       p->select_per_brick_ns * n->counts.drawn;
 
 	if (!(each_ns > 0) || left_ns / each_ns > 1e9)
 		return UINT32_MAX;

@@ -34,11 +34,11 @@ void bb_streaming_begin(struct bb_frame_loop *l)
 		return;
 	const struct bb_bricks_header *h = bb_bricks_header(l->bricks);
 	const struct bb_tree *t = &h->tree;
+	r->limit_ms = limit_ms(l); /* node.c paces by it, whatever is told */
 	r->nodes = calloc(l->room->n_nodes, sizeof(*r->nodes));
 	if (!r->nodes)
 		return;
 	r->n_nodes = l->room->n_nodes;
-	r->limit_ms = limit_ms(l);
 	r->measured = l->draw_everything;
 	r->leaf_cells = t->first[t->n_levels] - t->first[t->n_levels - 1];
 	r->brick_bytes = bb_bricks_brick_bytes(h);
