@@ -187,7 +187,7 @@ bench-volume: all
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
 
-# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --gpu"
+# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --only sparse"
 bench-cast: $B/tests/bench/cast
 	@$< $(ARGS)
 
