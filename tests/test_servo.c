@@ -42,6 +42,8 @@ static const struct servo_scene scenes[] = {
 	  .wander_ppb = 1, NOISY, CHRONY },
 	{ "chrony: 1200 s without samples", LR, 1, 5000, .event_s = 1500, .outage_s = 1200, .jitter_s = 1e-4,
 	  .wander_ppb = 1, CHRONY },
+	{ "chrony: 1200 s, restless, fast gains", PI, 1, 5000, .event_s = 1500, .outage_s = 1200, .jitter_s = 1e-5,
+	  .wander_ppb = 50, CHRONY },
 	{ "chrony: jitter 0.1 s", PI, 1, 8000, .jitter_s = 0.1, .kp = 0.05, .ki = 5e-4, .sync_s = 210, .max_s = 0.3,
 	  .rms_s = 0.1 },
 	{ "chrony: jitter 0.1 s", LR, 1, 8000, .jitter_s = 0.1, .sync_s = 210, .max_s = 0.3, .rms_s = 0.1 },
