@@ -57,6 +57,7 @@ struct sim_world {
 	struct bb_rate sync_rate;
 	struct sim_piece *piece;
 	size_t n_pieces, cap_pieces;
+	uint32_t n_bends;          /* changes of the pieces */
 
 	double head_radius_m;
 	struct { /* the last head asked for: cameras that expose together ask for the same instant */

@@ -161,6 +161,14 @@ int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 	return at_ns + VBLANK_GUARD_NS;
 }
 
+/* Found by name at the first arrival, as the order of the log's sources is part of it. */
+static uint16_t barrier_source(struct bb_frame_loop *l)
+{
+	if (!l->barrier_source)
+		l->barrier_source = bb_eventlog_source(l->events, "barrier", "swap");
+	return l->barrier_source;
+}
+
 static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
 {
 	for (unsigned i = 0; i < l->room->n_nodes; i++) {
@@ -192,7 +200,7 @@ static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 		f->late = now_ns > f->start_ns + l->refresh_ns;
 		blame_late_node(l, f, now_ns);
 	}
-	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
+	bb_eventlog_add(l->events, barrier_source(l), BB_EV_RELEASE, now_ns,
 	                (int64_t)r.frame, (int64_t)r.missing);
 	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)head, now_ns, (int32_t)r.frame);
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
@@ -213,7 +221,7 @@ void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_messag
 {
 	if (m->kind != BB_MESSAGE_ARRIVE)
 		return;
-	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_ARRIVE, now_ns,
+	bb_eventlog_add(l->events, barrier_source(l), BB_EV_ARRIVE, now_ns,
 	                (int64_t)m->frame, from);
 	bb_barrier_arrive(&l->barrier, from, m->frame, now_ns);
 	step_barrier(l, now_ns);
