@@ -32,9 +32,7 @@ struct fit { /* the best line of a given rate */
 void bb_clockfit_init(struct bb_clockfit *f, unsigned window)
 {
 	memset(f, 0, sizeof(*f));
-	f->window = window < BB_CLOCKFIT_WINDOW_MIN   ? BB_CLOCKFIT_WINDOW_MIN
-		    : window > BB_CLOCKFIT_WINDOW_MAX ? BB_CLOCKFIT_WINDOW_MAX
-						      : window;
+	f->window = window < 1 ? 1 : window > BB_CLOCKFIT_WINDOW_MAX ? BB_CLOCKFIT_WINDOW_MAX : window;
 }
 
 /* Times come in order but for answers that overtake one another: those count at one time, wrong by a part of a round
@@ -157,7 +155,7 @@ static void solve(struct bb_clockfit *f, const struct bb_exchange *newest)
 	struct bounds b;
 
 	gather(f, newest, &b);
-	if (f->n < BB_CLOCKFIT_WINDOW_MIN) {
+	if (f->n < BB_CLOCKFIT_RATE_LEAST) {
 		solve_offset(f, &b);
 		return;
 	}
@@ -210,7 +208,7 @@ static bool contradicts(const struct bb_clockfit *f, const struct bb_exchange *e
 	const double down_ns = below - (line_ns(&f->line, y) - f->delay_ns);
 	const double more_ns = fmax(up_ns, down_ns), less_ns = fmin(up_ns, down_ns);
 
-	return f->n >= BB_CLOCKFIT_WINDOW_MIN && more_ns > GATE * uncertainty_ns(f, y) && less_ns < more_ns / 2;
+	return f->n >= BB_CLOCKFIT_RATE_LEAST && more_ns > GATE * uncertainty_ns(f, y) && less_ns < more_ns / 2;
 }
 
 static void restart(struct bb_clockfit *f)

@@ -16,7 +16,7 @@
 #include "hal/base.h"
 
 #define BB_CLOCKFIT_WINDOW_MAX 512
-#define BB_CLOCKFIT_WINDOW_MIN 8 /* fewer exchanges give an offset within half the round trip and no rate */
+#define BB_CLOCKFIT_RATE_LEAST 16 /* fewer exchanges give an offset within half the round trip and no rate */
 #define BB_CLOCKFIT_WINDOW_DEFAULT 64
 #define BB_CLOCKFIT_RATE_MAX 1e-3 /* two oscillators differ by less */
 
