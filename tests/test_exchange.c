@@ -303,6 +303,93 @@ static void perfect_exchanges_give_a_perfect_fit(void **state)
 	assert_true(unsure_ns < 10);
 }
 
+/* N5: 100 ppm and 5 ms of jitter each way, 60 exchanges a second: 0.1 ms rms within ten seconds, over a minute. */
+static void five_ms_of_jitter_become_a_tenth(void **state)
+{
+	static struct bb_clockfit f;
+
+	(void)state;
+	for (uint64_t seed = 0; seed < 5; seed++) {
+		struct remote r = usual(seed, seed % 2 ? 1e-4 : -1e-4);
+		double squares = 0, worst_ns = 0;
+		unsigned n = 0;
+		bb_clockfit_init(&f, 512);
+		for (unsigned i = 0; i < 3600; i++) {
+			const double up_ns = sim_rng_uniform(&r.rng) * 5e6, down_ns = sim_rng_uniform(&r.rng) * 5e6;
+			const double at_ns = i / 60.0 * 1e9, there_ns = at_ns + 1e5 + up_ns, back_ns = there_ns + 1e5 + down_ns;
+			const struct bb_exchange e = { local_ns(&r, at_ns), shows_ns(&r, there_ns), shows_ns(&r, there_ns),
+				                       local_ns(&r, back_ns) };
+			bb_clockfit_add(&f, &e);
+			if (i < 600)
+				continue;
+			const double error_ns = (double)(bb_clockfit_remote_ns(&f, e.t4_ns, NULL) - shows_ns(&r, back_ns));
+			squares += error_ns * error_ns;
+			worst_ns = fmax(worst_ns, fabs(error_ns));
+			n++;
+		}
+		assert_true(sqrt(squares / n) <= 100000);
+		assert_true(worst_ns <= 300000);
+	}
+}
+
+/* ---- one way: a camera that stamps with a clock of its own, 3 ms at least until the host has it ---- */
+
+static void feed_one_way(struct bb_clockfit *f, struct remote *r, double from_ns, unsigned n)
+{
+	for (unsigned i = 0; i < n; i++) {
+		const double at_ns = from_ns + i * 16666667.0;
+		bb_clockfit_add_one_way(f, shows_ns(r, at_ns), local_ns(r, at_ns + 3e6 + exponential_ns(r, 3e5)));
+	}
+}
+
+static void one_way_the_uncertainty_holds_too(void **state)
+{
+	static const unsigned windows[] = { 4, 16, 64, 256 };
+	static struct bb_clockfit f;
+
+	(void)state;
+	for (size_t w = 0; w < BB_ARRAY_LEN(windows); w++) {
+		unsigned inside = 0;
+		double sum_ns = 0;
+		for (uint64_t seed = 0; seed < 500; seed++) {
+			struct remote r = usual(seed, 3e-5);
+			int64_t unsure_ns;
+			bb_clockfit_init_one_way(&f, windows[w], 3000000);
+			feed_one_way(&f, &r, 0, windows[w]);
+			const double at_ns = windows[w] * 16666667.0;
+			const int64_t says_ns = bb_clockfit_local_ns(&f, shows_ns(&r, at_ns), &unsure_ns);
+			const double error_ns = fabs((double)(says_ns - local_ns(&r, at_ns)));
+			inside += error_ns <= (double)unsure_ns;
+			sum_ns += error_ns;
+		}
+		print_message("one way, window %u: inside %.1f %%, mean error %.1f us\n", windows[w], inside / 5.0, sum_ns / 5e5);
+		assert_true(inside >= 475);
+		assert_true(windows[w] < 64 || sum_ns / 500 < 40000 * 64.0 / windows[w]);
+	}
+}
+
+/* A map without a rate lags 100 ppm over a window of a second by 50 us or more; this one does not. */
+static void one_way_follows_a_drifting_device(void **state)
+{
+	struct remote r = usual(1, 1e-4);
+	static struct bb_clockfit f;
+	double worst_ns = 0;
+
+	(void)state;
+	r.mean_up_ns = 0;
+	bb_clockfit_init_one_way(&f, 64, 3000000);
+	for (unsigned i = 0; i < 20000; i++) {
+		const double at_ns = i * 16666667.0;
+		assert_int_equal(bb_clockfit_add_one_way(&f, shows_ns(&r, at_ns), local_ns(&r, at_ns + 3e6)), BB_CLOCKFIT_TAKEN);
+		const double error_ns = (double)(bb_clockfit_local_ns(&f, shows_ns(&r, at_ns), NULL) - local_ns(&r, at_ns));
+		worst_ns = i < 16 ? 0 : fmax(worst_ns, fabs(error_ns));
+	}
+	assert_true(worst_ns <= 1000); /* least delay times the rate, and rounding */
+	/* A stamp from the future is none. */
+	const double at_ns = 20000 * 16666667.0;
+	assert_int_equal(bb_clockfit_add_one_way(&f, shows_ns(&r, at_ns + 1e6), local_ns(&r, at_ns + 3e6)), BB_CLOCKFIT_OUTLIER);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -316,6 +403,9 @@ int main(void)
 		cmocka_unit_test(a_single_lie_changes_nothing),
 		cmocka_unit_test(the_impossible_is_refused),
 		cmocka_unit_test(perfect_exchanges_give_a_perfect_fit),
+		cmocka_unit_test(five_ms_of_jitter_become_a_tenth),
+		cmocka_unit_test(one_way_the_uncertainty_holds_too),
+		cmocka_unit_test(one_way_follows_a_drifting_device),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
