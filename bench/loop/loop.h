@@ -143,6 +143,7 @@ struct bb_frame_loop {
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
 	uint32_t *camera_seq;
 	int64_t turn_ns;                  /* when the devices were read last */
+	int64_t due_ns;                   /* a suspended head: when its next frame was due; 0: it is awake */
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
