@@ -219,7 +219,7 @@ static void ask_to_join(struct bb_framelock *f, int64_t now_ns)
 	if (f->join_to != f->c.self)
 		send_join(f, f->join_to, BB_LOCK_JOIN, early);
 	/* Whoever is a member knows who is the master by now: every second time another is asked. */
-	f->join_to = f->join_to == f->master ? (uint16_t)((uint64_t)now_ns / (uint64_t)f->c.retry_ns % f->c.n_nodes) : f->master;
+	f->join_to = f->join_to == f->master ? (uint16_t)(f->counts.joins++ % f->c.n_nodes) : f->master;
 }
 
 static bool outside(const struct bb_framelock *f)

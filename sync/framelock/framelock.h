@@ -67,7 +67,7 @@ struct bb_lock_config {
 
 struct bb_lock_counts {
 	uint64_t sent, resent, heard, bad, foreign; /* bad: no message; foreign: of another epoch or a stranger */
-	uint64_t stalls, epochs, refused;
+	uint64_t stalls, epochs, joins, refused;
 };
 
 struct bb_framelock;
