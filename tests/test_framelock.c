@@ -19,7 +19,7 @@ struct watch { /* what a test sees of a troupe */
 	int64_t last_ns[BB_LOCK_NODES_MAX], gap_ns[BB_LOCK_NODES_MAX]; /* of releases */
 	uint64_t last_frame[BB_LOCK_NODES_MAX];
 	unsigned unordered, skipped;
-	struct bb_nodes missing;  /* all the master ever named */
+	struct bb_lock_set missing;  /* all the master ever named */
 	uint64_t hash;
 	bool hashing;
 	/* a straggler's story */
@@ -63,8 +63,8 @@ static void on_release(void *ctx, unsigned node, int64_t true_ns, const struct b
 	s->last_ns[node] = true_ns;
 	s->last_frame[node] = r->frame;
 	for (unsigned i = 0; i < BB_LOCK_NODES_MAX; i++)
-		if (bb_nodes_has(&r->missing, i))
-			bb_nodes_put(&s->missing, i, true);
+		if (bb_lock_set_has(&r->missing, i))
+			bb_lock_set_put(&s->missing, i, true);
 	if (s->hashing) {
 		fold(s, node);
 		fold(s, (uint64_t)true_ns);
@@ -115,7 +115,7 @@ static enum bb_lock_state state_of(const struct watch *s, unsigned node)
 
 static unsigned members_of(const struct watch *s, unsigned node)
 {
-	return bb_nodes_count(bb_framelock_members(bb_troupe_lock(s->w, node)));
+	return bb_lock_set_count(bb_framelock_members(bb_troupe_lock(s->w, node)));
 }
 
 /* ---- bytes ---- */
@@ -127,14 +127,14 @@ static void messages_survive_the_wire_and_nothing_else_does(void **state)
 	(void)state;
 
 	m.u.epoch.from = 101;
-	m.u.epoch.members = bb_nodes_first(416);
+	m.u.epoch.members = bb_lock_set_first(416);
 	const size_t n = bb_lock_write(&m, bytes);
 	assert_int_equal(n, BB_LOCK_MESSAGE_MAX);
 	assert_true(bb_lock_read(bytes, n, &back));
 	assert_int_equal(back.epoch, 7);
 	assert_int_equal(back.frame, 99);
 	assert_int_equal(back.u.epoch.from, 101);
-	assert_true(bb_nodes_equal(&back.u.epoch.members, &m.u.epoch.members));
+	assert_true(bb_lock_set_equal(&back.u.epoch.members, &m.u.epoch.members));
 	for (size_t cut = 0; cut < n; cut++)
 		assert_false(bb_lock_read(bytes, cut, &back));
 	assert_false(bb_lock_read(bytes, n + 1, &back));
@@ -369,9 +369,9 @@ static void a_node_killed_in_the_barrier_stops_the_others_three_frames_at_most(v
 				fail_msg("method %d, killed at %d/8: %g frames", m, when, (double)worst_gap(&s, 0, N - 1) / (double)T);
 			assert_true(s.last_frame[0] > frame + 50);
 			assert_int_equal(members_of(&s, 0), N - 1);
-			assert_false(bb_nodes_has(bb_framelock_members(bb_troupe_lock(s.w, 0)), dead));
+			assert_false(bb_lock_set_has(bb_framelock_members(bb_troupe_lock(s.w, 0)), dead));
 			if (m != BB_LOCK_TIMED)
-				assert_true(bb_nodes_has(&s.missing, dead));
+				assert_true(bb_lock_set_has(&s.missing, dead));
 			/* Back again: within 2 s, and nobody stops for it. */
 			forget_gaps(&s);
 			bb_troupe_revive(s.w, dead);

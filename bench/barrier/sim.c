@@ -322,7 +322,7 @@ static struct bb_lock_config lock_config(const struct bb_troupe *w, struct troup
 		                    .window = w->c.window, .send = send, .released = released, .ctx = n };
 
 	bb_lock_config_times(&l, bb_rate_period_ns(w->c.rate));
-	l.members = bb_nodes_first(w->c.starts_empty ? 1 : w->c.n_nodes);
+	l.members = bb_lock_set_first(w->c.starts_empty ? 1 : w->c.n_nodes);
 	return l;
 }
 
@@ -496,7 +496,7 @@ void bb_troupe_configure(struct bb_troupe *w, unsigned node, uint32_t version, u
 
 	l.version = version;
 	l.hash[0] = hash0;
-	l.members = (struct bb_nodes){ { 0 } };
+	l.members = (struct bb_lock_set){ { 0 } };
 	bb_framelock_destroy(n->lock);
 	if (bb_framelock_create(&l, &n->lock) != BB_OK)
 		abort();

@@ -6,7 +6,7 @@
 #ifndef BB_SYNC_FRAMELOCK_STRAGGLER_H
 #define BB_SYNC_FRAMELOCK_STRAGGLER_H
 
-#include "sync/framelock/nodes.h"
+#include "sync/framelock/set.h"
 
 #define BB_STRAGGLER_LATE 3          /* late frames of the last FRAMES make a straggler */
 #define BB_STRAGGLER_FRAMES 4
