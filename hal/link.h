@@ -11,11 +11,21 @@
 #define BB_LINK_NODES_MAX 64
 #define BB_LINK_ALL 0xFFFF /* to: every other node */
 
+/* Several processes: who plays which node, and what all of them must agree on. */
+#define BB_LINK_ANY 0xFFFF /* process: the next one that is free */
+struct bb_link_group {
+	uint16_t process, n_processes;                   /* 0 is the head's */
+	uint16_t home[BB_LINK_NODES_MAX];                /* by node: its process */
+	uint8_t secret[32];                              /* all keys are made from it; zeros: none */
+	uint8_t version_sha256[32], config_sha256[32];   /* of the program; of everything a run depends on */
+};
+
 struct bb_link_config {
 	char id[BB_ID_MAX];  /* "net" */
 	char device[160];
 	int64_t n_nodes;
 	double delay_us, jitter_us, loss_ppm;
+	const struct bb_link_group *group; /* NULL: all nodes live in this process */
 };
 
 struct bb_link_limits {
