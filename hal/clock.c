@@ -229,3 +229,18 @@ void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns)
 			return;
 	}
 }
+
+void bb_clock_floor_us(int64_t period_ns, double *late_us, size_t n)
+{
+	int64_t at_ns = bb_clock_stopwatch_ns();
+
+	for (size_t i = 0; i < n; i++) {
+		at_ns += period_ns;
+		const struct timespec t = { .tv_sec = at_ns / BB_NS_PER_S, .tv_nsec = at_ns % BB_NS_PER_S };
+		while (bb_clock_stopwatch_ns() < at_ns)
+			(void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
+		const int64_t now_ns = bb_clock_stopwatch_ns();
+		late_us[i] = (double)(now_ns - at_ns) * 1e-3;
+		at_ns = now_ns > at_ns + period_ns ? now_ns : at_ns; /* what was missed is not caught up on */
+	}
+}

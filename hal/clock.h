@@ -60,6 +60,9 @@ void bb_clock_wait_by(struct bb_clock *clk, bb_wait_fn wait, void *ctx);
 void bb_clock_set_zero(struct bb_clock *clk, int64_t zero_monotonic_ns);
 int64_t bb_clock_zero_ns(const struct bb_clock *clk);
 
+/* How late n bare sleeps of one period after another end on this machine, us: what no program here can do better than. */
+void bb_clock_floor_us(int64_t period_ns, double *late_us, size_t n);
+
 /* How many steps ran since creation: the cost of a simulation, counted. */
 uint64_t bb_clock_steps(const struct bb_clock *clk);
 

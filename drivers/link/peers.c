@@ -501,7 +501,8 @@ enum bb_status link_peers_notify(struct bb_link *base, uint16_t node, struct bb_
 	if (!is_local(l, node))
 		return BB_ERR_RANGE;
 	l->queue[node].notify = timer;
-	return BB_OK;
+	/* What came before anybody asked to be woken. */
+	return timer && l->queue[node].n ? bb_clock_arm(base->dev.clk, timer, now_ns(l)) : BB_OK;
 }
 
 /* ---- for users ---- */
