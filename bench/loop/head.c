@@ -83,6 +83,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
 	struct bb_frame *f = open_frame(l, now_ns);
+	bb_remote_woke(l, scheduled_ns, now_ns);
 	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;
 	l->turn_ns = now_ns;
 	bb_shutters_read(l, f, scheduled_ns);

@@ -232,8 +232,10 @@ static uint32_t left_target(const struct bb_frame_loop *l, struct bb_display *d,
 	const int64_t period_ns = bb_display_limits(d)->period_ns;
 	const int64_t middle_ns = v->at_ns + period_ns + period_ns / 2;
 
-	if (bb_remote_only_plays(l)) /* it sees no shutters; the head said when the left eye is open */
-		return v->seq + 1 + (uint32_t)(((l->left_ns - v->at_ns) / period_ns + 1) & 1);
+	if (bb_remote_only_plays(l)) { /* it sees no shutters; the head said when the left eye is open */
+		const int64_t off_ns = l->left_ns - v->at_ns, k = off_ns / period_ns - (off_ns % period_ns < 0);
+		return v->seq + 1 + (uint32_t)((k + 1) & 1);
+	}
 	return bb_phase_eye_at(&l->phase, middle_ns) == BB_EYE_RIGHT ? v->seq + 2 : v->seq + 1;
 }
 

@@ -63,24 +63,19 @@ static void sample_late(struct bb_frame_loop *l, uint16_t node, uint64_t frame, 
 	bb_ledger_sample(l->ledger, BB_METRIC_WAKE_LATE, &s);
 }
 
-/* Once a frame at the frame's own time, whatever else the process does; what was missed is not caught up on. */
+void bb_remote_woke(struct bb_frame_loop *l, int64_t scheduled_ns, int64_t now_ns)
+{
+	if (l->processes)
+		sample_late(l, (uint16_t)bb_loop_head(l), l->n_frames, scheduled_ns, now_ns - scheduled_ns);
+}
+
+/* Another process: a quarter of a frame after it was released, when it has nothing else to do. */
 static int64_t beat(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, beat);
-	const int64_t late_ns = now_ns - scheduled_ns;
 
-	l->late_ns = late_ns > l->late_ns ? late_ns : l->late_ns;
-	if (!bb_remote_only_plays(l)) {
-		sample_late(l, (uint16_t)bb_loop_head(l), l->n_frames, scheduled_ns, l->late_ns);
-		l->late_ns = -1;
-	}
-	return l->scene_start_ns + bb_rate_frame_ns(l->frame_rate, (now_ns - l->scene_start_ns) / l->frame_ns + 1);
-}
-
-static enum bb_status start_beat(struct bb_frame_loop *l)
-{
-	l->beat = (struct bb_timer){ .step = beat, .rank = 0 };
-	return bb_clock_arm(l->clk, &l->beat, l->scene_start_ns);
+	l->late_ns = now_ns - scheduled_ns > l->late_ns ? now_ns - scheduled_ns : l->late_ns;
+	return BB_NEVER;
 }
 
 static void tell_late(struct bb_frame_loop *l, const char *key, bool heads)
@@ -107,7 +102,7 @@ static void tell_late(struct bb_frame_loop *l, const char *key, bool heads)
 static void tell_floor(struct bb_frame_loop *l, const char *key)
 {
 	const double s = l->options->duration_s > 0 ? l->options->duration_s : l->scene->duration_s;
-	const size_t n = (size_t)fmin(FLOOR_WAKES, fmax(30, s * bb_rate_hz(l->frame_rate) / 20));
+	const size_t n = (size_t)fmin(FLOOR_WAKES, fmax(30, s * bb_rate_hz(l->frame_rate) / 100));
 	double late_us[FLOOR_WAKES];
 
 	bb_clock_floor_us(l->frame_ns, late_us, n);
@@ -203,8 +198,7 @@ enum bb_status bb_remote_start(struct bb_frame_loop *l)
 		if (!bb_remote_plays(l, i))
 			start_node(l, i);
 	l->look_after = (struct bb_timer){ .step = look_after, .rank = 4 };
-	const enum bb_status status = bb_clock_arm(l->clk, &l->look_after, l->scene_start_ns);
-	return status == BB_OK ? start_beat(l) : status;
+	return bb_clock_arm(l->clk, &l->look_after, l->scene_start_ns);
 }
 
 static void hear_ready(struct bb_frame_loop *l, const struct told_message *m)
@@ -268,6 +262,8 @@ void bb_remote_released(struct bb_node_machine *n, const struct bb_frame *f)
 	struct told_message m = { .kind = TOLD_RELEASED, .frame = f->frame, .at_ns = f->node[n->index].released_ns };
 
 	tell_head(n->loop, n->index, &m);
+	if (!n->loop->beat.slot && bb_clock_arm(n->loop->clk, &n->loop->beat, m.at_ns + n->loop->frame_ns / 4) != BB_OK)
+		bb_clock_stop(n->loop->clk);
 }
 
 void bb_remote_flipped(struct bb_node_machine *n, uint16_t screen, const struct bb_flip *flip)
@@ -300,8 +296,8 @@ static void hear_start(struct bb_frame_loop *l, const struct told_message *m)
 	l->scene_start_ns = m->at_ns;
 	if (l->world)
 		sim_world_set_scene_start(l->world, m->at_ns);
-	if (start_beat(l) != BB_OK)
-		bb_clock_stop(l->clk);
+	l->late_ns = -1;
+	l->beat = (struct bb_timer){ .step = beat, .rank = 0 };
 }
 
 static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)

@@ -252,6 +252,8 @@ enum bb_status bb_nodes_open(const struct bb_run_options *o, const struct bb_roo
 	*out = n;
 	if (!n)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the processes");
+	if (o->processes.n > room->n_nodes)
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "%u processes for %zu nodes", o->processes.n, room->n_nodes);
 	n->o = o;
 	n->clk = clk;
 	n->group.process = o->processes.process;
