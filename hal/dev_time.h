@@ -10,6 +10,16 @@
 
 #include "hal/base.h"
 
+/* Differences of stamps by modular arithmetic: right across the end of int64 while they lie less than 146 years apart. */
+static inline int64_t bb_ns_since(int64_t at_ns, int64_t since_ns)
+{
+	return (int64_t)((uint64_t)at_ns - (uint64_t)since_ns);
+}
+static inline int64_t bb_ns_after(int64_t at_ns, int64_t later_ns)
+{
+	return (int64_t)((uint64_t)at_ns + (uint64_t)later_ns);
+}
+
 struct bb_dev_ns { /* ns since the device's own zero, unwrapped by its driver */
 	int64_t ns;
 };

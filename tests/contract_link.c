@@ -354,7 +354,7 @@ static void nonsense_is_refused(void **state)
 	struct bb_link *l;
 
 	snprintf(c.id, sizeof(c.id), "net2");
-	c.n_nodes = 65;
+	c.n_nodes = BB_LINK_ENDPOINTS_MAX + 1;
 	assert_int_equal(bb_link_open(backend->driver, &c, &open, &l), BB_ERR_RANGE);
 	c.n_nodes = 3;
 	c.jitter_us = (double)NAN;
