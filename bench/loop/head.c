@@ -1,5 +1,5 @@
 /* bench/loop/head.c: the head node: begins frames, tells the nodes, keeps the barrier. */
-#include "bench/loop/loop.h"
+#include "bench/loop/remote.h"
 
 #include <math.h>
 #include <string.h>
@@ -74,7 +74,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
 	const struct bb_node_machine *head = &l->nodes[bb_loop_head(l)];
 
-	if (now_ns >= l->end_ns) {
+	if (now_ns >= l->end_ns || bb_loop_interrupted(l)) {
 		bb_clock_stop(l->clk);
 		return BB_NEVER;
 	}
@@ -83,6 +83,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
 	struct bb_frame *f = open_frame(l, now_ns);
+	bb_remote_woke(l, scheduled_ns, now_ns);
 	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;
 	l->turn_ns = now_ns;
 	bb_shutters_read(l, f, scheduled_ns);
@@ -170,12 +171,12 @@ static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, i
 			             missing ? "frame %llu: did not come to the swap barrier"
 			                     : "frame %llu: came last and too late to the swap barrier",
 			             (unsigned long long)f->frame);
-		else if (l->drawing_nodes >> i & 1)
+		else if ((l->drawing_nodes & ~l->barrier.dropped) >> i & 1)
 			bb_watch_good(l->watch, l->node_slot[i], now_ns);
 	}
 }
 
-static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
+void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 {
 	const unsigned head = bb_loop_head(l);
 	struct bb_release r;
@@ -205,7 +206,7 @@ static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	(void)scheduled_ns;
-	step_barrier(bb_container_of(timer, struct bb_frame_loop, deadline), now_ns);
+	bb_head_step_barrier(bb_container_of(timer, struct bb_frame_loop, deadline), now_ns);
 	return BB_NEVER;
 }
 
@@ -216,7 +217,7 @@ void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_messag
 	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_ARRIVE, now_ns,
 	                (int64_t)m->frame, from);
 	bb_barrier_arrive(&l->barrier, from, m->frame, now_ns);
-	step_barrier(l, now_ns);
+	bb_head_step_barrier(l, now_ns);
 }
 
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
@@ -227,7 +228,7 @@ int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	(void)scheduled_ns;
 
 	while (bb_link_receive(l->rig->link, (uint16_t)bb_loop_head(l), &packet) == BB_OK) {
-		if (packet.n_bytes != sizeof(m))
+		if (bb_remote_hear(l, &packet, now_ns) || packet.n_bytes != sizeof(m))
 			continue;
 		memcpy(&m, packet.bytes, sizeof(m));
 		if (m.kind == BB_MESSAGE_ARRIVE)
