@@ -370,8 +370,7 @@ static void a_node_killed_in_the_barrier_stops_the_others_three_frames_at_most(v
 			assert_true(s.last_frame[0] > frame + 50);
 			assert_int_equal(members_of(&s, 0), N - 1);
 			assert_false(bb_lock_set_has(bb_framelock_members(bb_troupe_lock(s.w, 0)), dead));
-			if (m != BB_LOCK_TIMED)
-				assert_true(bb_lock_set_has(&s.missing, dead));
+			assert_true(bb_lock_set_has(&s.missing, dead));
 			/* Back again: within 2 s, and nobody stops for it. */
 			forget_gaps(&s);
 			bb_troupe_revive(s.w, dead);

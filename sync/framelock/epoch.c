@@ -86,8 +86,10 @@ void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t 
 			send_epoch(f, i, epoch, from, from, with);
 	}
 	f->next.any = false;
+	for (size_t i = 0; i < BB_ARRAY_LEN(missing.bits); i++)
+		f->missing.bits[i] |= missing.bits[i]; /* told with the next release */
 	if (from > f->frame)
-		lock_move_on(f, from - 1, now_ns, &missing);
+		lock_move_on(f, from - 1, now_ns, NULL);
 	begin(f, epoch, f->c.self, with, now_ns);
 }
 

@@ -250,8 +250,8 @@ void lock_move_on(struct bb_framelock *f, uint64_t frame, int64_t now_ns, const 
 	struct bb_lock_release r = { .frame = frame, .at_ns = now_ns, .skipped = !f->ready || f->frame != frame,
 		                     .last = BB_LOCK_NOBODY, .first_ns = now_ns, .last_ns = now_ns };
 
-	if (missing)
-		r.missing = *missing;
+	r.missing = missing ? *missing : f->missing;
+	f->missing = (struct bb_lock_set){ { 0 } };
 	if (f->master == f->c.self)
 		name_last(f, &r);
 	if (lock_planned(f, frame)) {

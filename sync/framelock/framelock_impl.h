@@ -42,7 +42,8 @@ struct bb_framelock {
 		uint64_t from;
 		struct bb_lock_set members;
 	} next;
-	struct bb_lock_set wanted;     /* master: have asked to join */
+	struct bb_lock_set wanted;  /* master: have asked to join */
+	struct bb_lock_set missing; /* master: dropped since the last release */
 	uint64_t epoch_from;
 
 	uint64_t frame;             /* the next to be released */
