@@ -10,6 +10,7 @@
 #include "drivers/gamepad_hid.h"
 #include "drivers/gamepad_xusb.h"
 #include "drivers/monitor_ddc.h"
+#include "drivers/link/peers.h"
 #include "drivers/power_modbus.h"
 #include "sim/sim.h"
 
@@ -29,6 +30,9 @@ static const struct bb_backend backends[] = {
 	/* last: any pad the kernel drives, but changes only and no battery */
 	{ .scheme = "evdev", .help = "the kernel's input events, SDL mappings", .gamepad = &bb_gamepad_evdev_driver },
 	{ "i2c", "a monitor's DDC wires on Linux i2c-dev", .monitor = &monitor_ddc_driver },
+	/* between processes: shared memory first, it needs no port */
+	{ .scheme = "shm", .help = "nodes as processes of this machine: shared memory", .link = &link_shm_driver },
+	{ .scheme = "zmq", .help = "nodes as processes of several machines: ZeroMQ with CURVE keys", .link = &link_zmq_driver },
 	{ .scheme = "modbus", .help = "power strips on Modbus TCP and RTU", .power = &power_modbus_driver },
 };
 

@@ -38,6 +38,7 @@ static unsigned metric_blame(enum bb_metric metric)
 	case BB_METRIC_FRAME:
 	case BB_METRIC_LATE_FRAMES:
 	case BB_METRIC_STREAM:
+	case BB_METRIC_WAKE_LATE:
 	case BB_METRIC_PSNR:
 		return AT_NODE;
 	case BB_METRIC_HEAD_TO_PHOTON:

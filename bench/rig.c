@@ -64,6 +64,14 @@ static enum bb_status open_controls(struct bb_rig *rig, const struct bb_open *ba
 	return BB_OK;
 }
 
+/* The head's process has every display for its timing; the others have those of the nodes they play. */
+static bool is_elsewhere(const struct bb_room *room, uint16_t node)
+{
+	const struct bb_link_group *g = room->link.group;
+
+	return g && g->process && g->home[node] != g->process;
+}
+
 static enum bb_status open_timing(struct bb_rig *rig, const struct bb_open *base, struct bb_error *err)
 {
 	const struct bb_room *room = rig->room;
@@ -72,7 +80,8 @@ static enum bb_status open_timing(struct bb_rig *rig, const struct bb_open *base
 	if (room->has_chain && rig->needs[BB_CLASS_SHUTTERS] >= 0)
 		OPEN_ONE(shutter, &room->chain, &rig->shutter, rig->needs[BB_CLASS_SHUTTERS]);
 	for (size_t i = 0; i < room->n_screens && displays >= 0; i++)
-		OPEN_ONE(display, &room->screens[i].display, &rig->displays[i], displays);
+		if (!is_elsewhere(room, room->screens[i].node))
+			OPEN_ONE(display, &room->screens[i].display, &rig->displays[i], displays);
 	for (size_t i = 0; i < room->n_cameras && rig->needs[BB_CLASS_CAMERAS] >= 0; i++)
 		OPEN_ONE(camera, &room->cameras[i], &rig->cameras[i], rig->needs[BB_CLASS_CAMERAS]);
 	/* The nodes' network is what the loop itself runs on: always there, as exact as the displays it serves. */

@@ -11,7 +11,7 @@
 
 #include "bench/data.h"
 #include "bench/facility.h"
-#include "bench/loop/loop.h"
+#include "bench/loop/remote.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
 #include "render/parallel.h"
@@ -40,6 +40,7 @@ struct work { /* everything between the files and the result */
 	struct bb_clock *clk;
 	struct bb_eventlog events;
 	struct bb_hash hash;
+	struct bb_nodes *nodes; /* NULL: one process */
 	struct sim_world *world;
 	struct bb_rig rig;
 	struct bb_watch *watch;
@@ -74,6 +75,8 @@ static enum bb_status load_files(struct work *w, struct bb_error *err)
 		return status;
 	for (int i = 0; i < BB_CLASS_COUNT; i++) {
 		w->needs[i] = w->o->fidelity[i] == -2 ? run->scene->needs[i] : w->o->fidelity[i];
+		if (w->o->processes.process && i != BB_CLASS_DISPLAYS)
+			w->needs[i] = -1; /* the head owns every other device */
 		run->scene->needs[i] = w->needs[i]; /* budgets are judged by what was really asked for */
 	}
 	if (w->o->duration_s > 0)
@@ -130,14 +133,25 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 		status = BB_ERR_NOMEM;
 	if (status != BB_OK)
 		return bb_fail(err, status, 1702, NULL, "the clock");
+	if (w->o->processes.n > 1) {
+		status = bb_nodes_open(w->o, room, w->run->scene, w->clk, w->o->log, &w->nodes, err);
+		if (status != BB_OK)
+			return status;
+	}
 	bb_eventlog_init(&w->events, hash_events, &w->hash);
 	if (any_sim(room))
 		status = sim_world_create(room, w->head, w->wand, w->clk, &w->events, w->o->seed, &w->world);
 	if (status != BB_OK)
 		return bb_fail(err, status, 1702, NULL, "the simulated world");
+	if (w->nodes)
+		w->run->room->link.group = bb_nodes_group(w->nodes);
 	const struct bb_open open = { .clk = w->clk, .events = &w->events, .log = w->o->log, .seed = w->o->seed,
 		                      .world = w->world };
 	status = bb_rig_open(&w->rig, room, w->needs, &open, err);
+	if (status == BB_OK && w->nodes) { /* between processes a real network stands where the modelled one would */
+		bb_link_close(w->rig.link);
+		w->rig.link = bb_nodes_link(w->nodes);
+	}
 	if (status == BB_OK)
 		status = bb_watch_create(room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
 		                                 room->n_gamepads + room->n_nodes + 8,
@@ -193,7 +207,8 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
 		               .renderer = w->renderer, .bricks = w->bricks,
 		               .transfer = w->bricks ? &w->transfer : NULL, .draw_everything = w->o->posix_clock,
-		               .start = { w->run->room->neutral, BB_QUAT_IDENTITY } };
+		               .start = { w->run->room->neutral, BB_QUAT_IDENTITY },
+		               .processes = w->o->processes.process ? NULL : w->nodes };
 	if (w->head)
 		l->start = bb_path_at(w->head, 0);
 	enum bb_status status = bb_loop_create(l, err);
@@ -201,8 +216,10 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 		status = sim_faults_plant(w->world, w->o->faults, w->o->n_faults, l->frame_ns, err);
 	if (status == BB_OK)
 		status = bring_up(w, err);
+	if (status == BB_OK && l->processes)
+		status = bb_remote_gather(l, err);
 	if (status == BB_OK)
-		status = bb_loop_run(l, err);
+		status = w->o->processes.process ? bb_remote_serve(l, err) : bb_loop_run(l, err);
 	return status;
 }
 
@@ -232,8 +249,11 @@ static void release(struct work *w)
 	bb_pictures_destroy(w->pictures);
 	bb_renderer_destroy(w->renderer);
 	bb_facility_destroy(w->facility);
+	if (w->nodes)
+		w->rig.link = NULL; /* theirs */
 	if (w->clk)
 		bb_rig_close(&w->rig);
+	bb_nodes_close(w->nodes);
 	bb_watch_destroy(w->watch);
 	sim_world_destroy(w->world);
 	bb_clock_destroy(w->clk);
@@ -299,14 +319,14 @@ enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, 
 		status = make_renderer(w, err);
 	if (status == BB_OK)
 		status = run_scene(w, err);
-	if (status == BB_OK) {
+	if (status == BB_OK && !options->processes.process) {
 		gather(w);
 		status = bb_result_judge(out->result);
 	} else if (w->hash.ctx) {
 		uint8_t unused[BB_HASH_BYTES];
 		bb_hash_final(&w->hash, unused);
 	}
-	if (status == BB_OK) {
+	if (status == BB_OK && !options->processes.process) {
 		out->result->wall_time_s = (double)(bb_clock_stopwatch_ns() - started_ns) * 1e-9;
 		tell(w, "writing the report");
 		status = bb_outcome_write(out->result, options->out_dir, err);

@@ -5,8 +5,20 @@
 #ifndef BB_BENCH_RUN_H
 #define BB_BENCH_RUN_H
 
+#include <signal.h>
+
 #include "bench/result.h"
 #include "sim/faults.h"
+
+/* One run in several processes (bench/nodes/nodes.h); n 0 or 1: in this one. */
+struct bb_run_processes {
+	uint16_t n, process;        /* how many; which this is: 0 the head's, BB_LINK_ANY whichever is free */
+	const char *link;           /* URI of the link: the head listens there, the others join there */
+	const char *token_file;     /* NULL: the head makes a secret for those it starts itself */
+	bool wait;                  /* the others are started by somebody else */
+	bool open;                  /* the link may listen on an address that is not loopback */
+	bool restart;               /* a process that dies is started again */
+};
 
 struct bb_run_options {
 	const char *room_path, *scene_path;
@@ -24,6 +36,8 @@ struct bb_run_options {
 	int64_t stream_bricks;      /* override; < 0: as the scene says */
 	int64_t plant_draw_ns;      /* test of the gate: added to every draw */
 	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
+	struct bb_run_processes processes;
+	const volatile sig_atomic_t *interrupted; /* may be NULL; not 0: end the scene and report what there is */
 	const struct bb_log *log;
 	void (*progress)(void *ctx, double done_0_1, const char *what); /* may be NULL */
 	void *progress_ctx;

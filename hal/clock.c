@@ -1,8 +1,8 @@
 /* hal/clock.c: both clocks share one timer heap; they differ only in how time gets to the next timer. */
 #include "hal/clock.h"
 
-#include <errno.h>
 #include <stdlib.h>
+#include <sys/prctl.h>
 #include <time.h>
 
 #define RANK_SHIFT 56 /* 2^56 armings are enough for years */
@@ -20,6 +20,8 @@ struct bb_clock {
 	struct entry *heap;      /* least first */
 	size_t n, cap;
 	uint64_t order, steps;
+	bb_wait_fn wait;         /* posix: instead of sleeping */
+	void *wait_ctx;
 };
 
 int64_t bb_clock_stopwatch_ns(void)
@@ -49,6 +51,8 @@ enum bb_status bb_clock_virtual_create(struct bb_clock **out)
 
 enum bb_status bb_clock_posix_create(struct bb_clock **out)
 {
+	/* The kernel may let sleepers of ordinary priority oversleep by 50 us to save wake-ups: not these. */
+	(void)prctl(PR_SET_TIMERSLACK, 1UL, 0UL, 0UL, 0UL);
 	return create(false, out);
 }
 
@@ -182,19 +186,48 @@ static void wait_until(struct bb_clock *clk, int64_t at_ns)
 			clk->now_ns = at_ns;
 		return;
 	}
-	while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL) == EINTR && !clk->stopped)
-		;
+	if (clk->wait)
+		clk->wait(clk->wait_ctx, abs_ns);
+	else
+		(void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL); /* a signal ends it: the caller looks again */
+}
+
+void bb_clock_wait_by(struct bb_clock *clk, bb_wait_fn wait, void *ctx)
+{
+	clk->wait = wait;
+	clk->wait_ctx = ctx;
+}
+
+void bb_clock_set_zero(struct bb_clock *clk, int64_t zero_monotonic_ns)
+{
+	clk->zero_ns = zero_monotonic_ns;
+}
+
+int64_t bb_clock_zero_ns(const struct bb_clock *clk)
+{
+	return clk->zero_ns;
+}
+
+/* The next timer up to end_ns, when it is due; a wait may have armed an earlier one, so it looks again after each. */
+static struct bb_timer *next_due(struct bb_clock *clk, int64_t end_ns)
+{
+	while (!clk->stopped) {
+		const int64_t next_ns = bb_clock_next_ns(clk), until_ns = next_ns < end_ns ? next_ns : end_ns;
+		if (bb_clock_now_ns(clk) >= until_ns)
+			return next_ns <= end_ns ? clk->heap[0].timer : NULL;
+		wait_until(clk, until_ns);
+	}
+	return NULL;
 }
 
 void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns)
 {
+	struct bb_timer *t;
+
 	clk->stopped = false;
-	while (!clk->stopped && clk->n && clk->heap[0].at_ns <= end_ns) {
-		struct bb_timer *t = clk->heap[0].timer;
+	while ((t = next_due(clk, end_ns))) {
 		const int64_t at_ns = t->at_ns;
 
-		if (at_ns > bb_clock_now_ns(clk))
-			wait_until(clk, at_ns);
 		bb_clock_disarm(clk, t);
 		clk->steps++;
 		const int64_t next_ns = t->step(t, at_ns, bb_clock_now_ns(clk));
@@ -202,6 +235,19 @@ void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns)
 		if (next_ns != BB_NEVER && !t->slot && bb_clock_arm(clk, t, next_ns) != BB_OK)
 			return;
 	}
-	if (!clk->stopped && end_ns > bb_clock_now_ns(clk))
-		wait_until(clk, end_ns);
+}
+
+void bb_clock_floor_us(int64_t period_ns, double *late_us, size_t n)
+{
+	int64_t at_ns = bb_clock_stopwatch_ns();
+
+	for (size_t i = 0; i < n; i++) {
+		at_ns += period_ns;
+		const struct timespec t = { .tv_sec = at_ns / BB_NS_PER_S, .tv_nsec = at_ns % BB_NS_PER_S };
+		while (bb_clock_stopwatch_ns() < at_ns)
+			(void)clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &t, NULL);
+		const int64_t now_ns = bb_clock_stopwatch_ns();
+		late_us[i] = (double)(now_ns - at_ns) * 1e-3;
+		at_ns = now_ns > at_ns + period_ns ? now_ns : at_ns; /* what was missed is not caught up on */
+	}
 }

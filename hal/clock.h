@@ -52,6 +52,17 @@ int64_t bb_clock_next_ns(const struct bb_clock *clk);
 void bb_clock_run_until(struct bb_clock *clk, int64_t end_ns);
 void bb_clock_stop(struct bb_clock *clk);
 
+/* Posix: what to do instead of sleeping, for a link whose messages come from other processes. Returns when
+ * CLOCK_MONOTONIC reaches until_ns, or before that when something came for which it may have armed a timer. NULL: sleep. */
+typedef void (*bb_wait_fn)(void *ctx, int64_t until_monotonic_ns);
+void bb_clock_wait_by(struct bb_clock *clk, bb_wait_fn wait, void *ctx);
+/* Posix, before any timer is armed: now is CLOCK_MONOTONIC minus this from here on, so that processes share one axis. */
+void bb_clock_set_zero(struct bb_clock *clk, int64_t zero_monotonic_ns);
+int64_t bb_clock_zero_ns(const struct bb_clock *clk);
+
+/* How late n bare sleeps of one period after another end on this machine, us: what no program here can do better than. */
+void bb_clock_floor_us(int64_t period_ns, double *late_us, size_t n);
+
 /* How many steps ran since creation: the cost of a simulation, counted. */
 uint64_t bb_clock_steps(const struct bb_clock *clk);
 

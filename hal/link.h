@@ -8,15 +8,38 @@
 #include "hal/device.h"
 
 #define BB_LINK_MESSAGE_MAX 512
-#define BB_LINK_NODES_MAX 64
+#define BB_LINK_NODES_MAX 64       /* of a room */
+#define BB_LINK_ENDPOINTS_MAX 512  /* a simulated network may be larger than any room */
 #define BB_LINK_ALL 0xFFFF /* to: every other node */
+
+/* Several processes: who plays which node, and what all of them must agree on. */
+#define BB_LINK_ANY 0xFFFF /* process: the next one that is free */
+struct bb_link_group {
+	uint16_t process, n_processes;                   /* 0 is the head's */
+	uint16_t home[BB_LINK_NODES_MAX];                /* by node: its process */
+	uint8_t secret[32];                              /* all keys are made from it; zeros: none */
+	uint8_t version_sha256[32], config_sha256[32];   /* of the program; of everything a run depends on */
+};
+
+/* Of what a delay is longer than the least: the absolute value of a normal (jitter_us is its sd; at most 4 of them), or an
+ * exponential (jitter_us is its mean; 1 % are longer than 4.6 of them). */
+enum bb_link_spread { BB_LINK_HALF_NORMAL, BB_LINK_EXPONENTIAL };
+#define BB_LINK_SPREAD_WORDS "half_normal|exponential"
 
 struct bb_link_config {
 	char id[BB_ID_MAX];  /* "net" */
 	char device[160];
 	int64_t n_nodes;
 	double delay_us, jitter_us, loss_ppm;
+	const struct bb_link_group *group; /* NULL: all nodes live in this process */
+	int spread;          /* enum bb_link_spread */
+	double duplicate_ppm;
+	double send_us;      /* a sender is busy with each datagram for so long */
 };
+
+/* How nodes flip together over a link: sync/framelock/framelock.h. */
+enum bb_lock_method { BB_LOCK_CENTRAL, BB_LOCK_TREE, BB_LOCK_DISSEMINATION, BB_LOCK_TIMED, BB_LOCK_METHODS };
+#define BB_LOCK_METHOD_WORDS "central|tree|dissemination|timed"
 
 struct bb_link_limits {
 	size_t most_bytes;

@@ -42,6 +42,8 @@ const char *bb_class_text(enum bb_class c); /* "shutters" ... */
 	X(BB_METRIC_TRACKED, "tracked", "percent", BB_CLASS_CAMERAS, 0, "frames drawn with a fresh pose; a lower limit") \
 	X(BB_METRIC_STREAM, "stream", "bytes", BB_CLASS_NONE, 0, "bytes streamed by a node in a frame")               \
 	X(BB_METRIC_PSNR, "psnr", "db", BB_CLASS_NONE, 0, "pictures against full resolution; a lower limit")          \
+	X(BB_METRIC_WAKE_LATE, "wake_late", "us", BB_CLASS_NONE, 0,                                                   \
+	  "how late a process woke, once a frame, when it had nothing else to do (several processes)")                             \
 	X(BB_METRIC_PAD_BATTERY, "pad_battery", "percent", BB_CLASS_GAMEPADS, 0,                                      \
 	  "charge of the emptiest gamepad that tells it; a lower limit")                                               \
 	X(BB_METRIC_PAD_STUCK, "pad_stuck", "s", BB_CLASS_GAMEPADS, 0,                                                \

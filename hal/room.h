@@ -84,6 +84,7 @@ struct bb_room {
 	size_t n_bodies;
 	struct bb_body bodies[BB_BODIES_MAX]; /* bodies[0] is the glasses */
 	struct bb_link_config link;
+	int barrier;             /* enum bb_lock_method */
 	struct bb_safety safety;
 	size_t n_budgets;
 	struct bb_budget budgets[BB_BUDGETS_MAX];

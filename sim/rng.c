@@ -73,7 +73,7 @@ double sim_rng_uniform(struct sim_rng *r)
 	return (double)(sim_rng_u64(r) >> 11) * 0x1p-53;
 }
 
-/* ln x for 0 < x < 1 to about 1e-15: x = m 2^e, ln m = 2 artanh((m - 1) / (m + 1)) with |z| <= 0.172. */
+/* ln x for 0 < x <= 1 to about 1e-15: x = m 2^e, ln m = 2 artanh((m - 1) / (m + 1)) with |z| <= 0.172. */
 static double natural_log(double x)
 {
 	int e;
@@ -107,4 +107,9 @@ double sim_rng_normal(struct sim_rng *r) /* Marsaglia's polar method */
 	r->has_spare = true;
 	r->spare = v * f;
 	return u * f;
+}
+
+double sim_rng_exponential(struct sim_rng *r)
+{
+	return -natural_log(1 - sim_rng_uniform(r));
 }

@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define QUEUE 64
+#define QUEUE 64 /* and four from every node in a large network: all may speak to one at once */
+#define QUEUE_EACH 4
 #define JITTER_MOST 4.0
 
 struct link_node {
@@ -15,8 +16,9 @@ struct link_node {
 	struct bb_timer timer;        /* runs at the next arrival */
 	struct bb_timer *notify;
 	int64_t loss_ppm, cut;        /* sums over faults */
+	int64_t free_ns;              /* its transmitter has sent what it was given */
 	uint32_t n;
-	struct bb_link_message *queue; /* by arrival, oldest first; what lies ahead of now is still on the wire */
+	uint32_t *queue;              /* into messages, by arrival, oldest first; what lies ahead of now is on the wire */
 };
 
 struct sim_link {
@@ -24,10 +26,12 @@ struct sim_link {
 	struct sim_world *world;
 	struct sim_rng rng;
 	bool ideal;
-	int64_t delay_ns, jitter_ns;
-	int64_t down, added_ns, loss_ppm; /* sums over faults; loss_ppm with the network's own */
+	int64_t delay_ns, jitter_ns, send_ns;
+	int64_t down, added_ns, loss_ppm, duplicate_ppm; /* sums over faults; the ppm with the network's own */
 	struct link_node *nodes;
-	struct bb_link_message *messages;
+	uint32_t queue_most, *queues;
+	struct bb_link_message *messages; /* of all queues */
+	uint32_t *unused, n_unused;       /* of those */
 	struct sim_link_counts counts;
 };
 
@@ -44,8 +48,8 @@ struct sim_link_counts sim_link_counts(const struct bb_link *l)
 static int64_t next_arrival(const struct link_node *node, int64_t after_ns)
 {
 	for (uint32_t i = 0; i < node->n; i++)
-		if (node->queue[i].arrived_ns > after_ns)
-			return node->queue[i].arrived_ns;
+		if (node->link->messages[node->queue[i]].arrived_ns > after_ns)
+			return node->link->messages[node->queue[i]].arrived_ns;
 	return BB_NEVER;
 }
 
@@ -64,7 +68,8 @@ static int64_t arrive(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 
 static int64_t flight_ns(struct sim_link *s)
 {
-	const double z = fmin(fabs(sim_rng_normal(&s->rng)), JITTER_MOST);
+	const double z = s->base.config.spread == BB_LINK_EXPONENTIAL ? sim_rng_exponential(&s->rng)
+	                                                              : fmin(fabs(sim_rng_normal(&s->rng)), JITTER_MOST);
 
 	return s->delay_ns + s->added_ns + (int64_t)(z * (double)s->jitter_ns);
 }
@@ -76,19 +81,27 @@ static bool is_lost(struct sim_link *s, const struct link_node *from, const stru
 	return s->down || from->cut || to->cut || draw < (double)(s->loss_ppm + from->loss_ppm + to->loss_ppm);
 }
 
+static void drop_oldest(struct sim_link *s, struct link_node *node)
+{
+	s->unused[s->n_unused++] = node->queue[0];
+	memmove(&node->queue[0], &node->queue[1], --node->n * sizeof(*node->queue));
+}
+
 static enum bb_status deliver(struct sim_link *s, struct link_node *to, const struct bb_link_message *m)
 {
-	uint32_t at = to->n;
-
-	if (to->n == QUEUE) {
-		memmove(&to->queue[0], &to->queue[1], --to->n * sizeof(*m));
-		at = to->n;
+	if (to->n == s->queue_most || (to->n && !s->n_unused)) {
+		drop_oldest(s, to);
 		s->counts.overflowed++;
+	} else if (!s->n_unused) {
+		s->counts.overflowed++;
+		return BB_OK;
 	}
-	for (; at > 0 && to->queue[at - 1].arrived_ns > m->arrived_ns; at--)
+	const uint32_t own = s->unused[--s->n_unused];
+	uint32_t at = to->n++;
+	s->messages[own] = *m;
+	for (; at > 0 && s->messages[to->queue[at - 1]].arrived_ns > m->arrived_ns; at--)
 		to->queue[at] = to->queue[at - 1];
-	to->queue[at] = *m;
-	to->n++;
+	to->queue[at] = own;
 	bb_device_event(&s->base.dev, BB_EV_MESSAGE, m->arrived_ns, (int64_t)m->from << 16 | m->to,
 	                (int64_t)m->n_bytes);
 	if (to->timer.slot && to->timer.at_ns <= m->arrived_ns)
@@ -96,10 +109,18 @@ static enum bb_status deliver(struct sim_link *s, struct link_node *to, const st
 	return bb_clock_arm(s->base.dev.clk, &to->timer, m->arrived_ns);
 }
 
+/* When a datagram leaves: after those its sender was given before. */
+static int64_t leave_ns(struct sim_link *s, struct link_node *from, int64_t now_ns)
+{
+	from->free_ns = (from->free_ns > now_ns ? from->free_ns : now_ns) + s->send_ns;
+	return from->free_ns;
+}
+
 static enum bb_status send_one(struct sim_link *s, uint16_t to, struct bb_link_message *m)
 {
 	const bool lost = is_lost(s, &s->nodes[m->from], &s->nodes[to]);
-	const int64_t arrived_ns = m->sent_ns + flight_ns(s);
+	const int64_t left_ns = leave_ns(s, &s->nodes[m->from], m->sent_ns), arrived_ns = left_ns + flight_ns(s);
+	const bool twice = s->duplicate_ppm && sim_rng_uniform(&s->rng) * 1e6 < (double)s->duplicate_ppm;
 
 	s->counts.sent++;
 	if (lost) {
@@ -108,7 +129,13 @@ static enum bb_status send_one(struct sim_link *s, uint16_t to, struct bb_link_m
 	}
 	m->to = to;
 	m->arrived_ns = arrived_ns;
-	return deliver(s, &s->nodes[to], m);
+	enum bb_status status = deliver(s, &s->nodes[to], m);
+	if (status == BB_OK && twice) {
+		s->counts.duplicated++;
+		m->arrived_ns = left_ns + flight_ns(s);
+		status = deliver(s, &s->nodes[to], m);
+	}
+	return status;
 }
 
 /* Ops */
@@ -117,6 +144,8 @@ static const struct sim_option options[] = {
 	{ "delay_us", offsetof(struct bb_link_config, delay_us), 0, 1e6 },
 	{ "jitter_us", offsetof(struct bb_link_config, jitter_us), 0, 1e5 },
 	{ "loss_ppm", offsetof(struct bb_link_config, loss_ppm), 0, 1e6 },
+	{ "duplicate_ppm", offsetof(struct bb_link_config, duplicate_ppm), 0, 1e6 },
+	{ "send_us", offsetof(struct bb_link_config, send_us), 0, 1e4 },
 	{ NULL, 0, 0, 0 },
 };
 
@@ -124,26 +153,40 @@ static enum bb_status check_config(struct sim_link *s)
 {
 	const struct bb_link_config *c = &s->base.config;
 
-	if (c->n_nodes < 1 || c->n_nodes > BB_LINK_NODES_MAX)
+	if (c->n_nodes < 1 || c->n_nodes > BB_LINK_ENDPOINTS_MAX)
 		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "%lld nodes", (long long)c->n_nodes);
 	if (!(c->delay_us >= 0 && c->delay_us <= 1e6 && c->jitter_us >= 0 && c->jitter_us <= 1e5 && c->loss_ppm >= 0 &&
-	      c->loss_ppm <= 1e6))
-		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "delay, jitter or loss");
+	      c->loss_ppm <= 1e6 && c->duplicate_ppm >= 0 && c->duplicate_ppm <= 1e6 && c->send_us >= 0 && c->send_us <= 1e4 &&
+	      c->spread >= BB_LINK_HALF_NORMAL && c->spread <= BB_LINK_EXPONENTIAL))
+		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "delay, jitter, loss, duplicates or send time");
 	return BB_OK;
+}
+
+static void give_memory(struct sim_link *s)
+{
+	free(s->nodes);
+	free(s->queues);
+	free(s->messages);
+	free(s->unused);
 }
 
 static enum bb_status take_memory(struct sim_link *s)
 {
-	const size_t n = (size_t)s->base.config.n_nodes;
+	const uint32_t n = (uint32_t)s->base.config.n_nodes, all = n * QUEUE;
 
+	s->queue_most = QUEUE_EACH * n > QUEUE ? QUEUE_EACH * n : QUEUE;
 	s->nodes = calloc(n, sizeof(*s->nodes));
-	s->messages = calloc(n * QUEUE, sizeof(*s->messages));
-	if (!s->nodes || !s->messages)
+	s->queues = calloc((size_t)n * s->queue_most, sizeof(*s->queues));
+	s->messages = calloc(all, sizeof(*s->messages));
+	s->unused = calloc(all, sizeof(*s->unused));
+	if (!s->nodes || !s->queues || !s->messages || !s->unused)
 		return BB_ERR_NOMEM;
-	for (size_t i = 0; i < n; i++) {
+	for (uint32_t i = 0; i < all; i++)
+		s->unused[s->n_unused++] = all - 1 - i;
+	for (uint32_t i = 0; i < n; i++) {
 		s->nodes[i].link = s;
 		s->nodes[i].timer = (struct bb_timer){ .step = arrive, .rank = 2 };
-		s->nodes[i].queue = s->messages + i * QUEUE;
+		s->nodes[i].queue = s->queues + (size_t)i * s->queue_most;
 	}
 	return BB_OK;
 }
@@ -161,16 +204,16 @@ static enum bb_status link_open(struct bb_link *l, const struct bb_open *open)
 		return status;
 	s->delay_ns = llround(l->config.delay_us * 1000);
 	s->jitter_ns = s->ideal ? 0 : llround(l->config.jitter_us * 1000);
+	s->send_ns = llround(l->config.send_us * 1000);
 	s->loss_ppm = s->ideal ? 0 : llround(l->config.loss_ppm);
+	s->duplicate_ppm = s->ideal ? 0 : llround(l->config.duplicate_ppm);
 	sim_rng_seed(&s->rng, open->seed, "link", l->dev.id);
 	l->limits = (struct bb_link_limits){ .most_bytes = BB_LINK_MESSAGE_MAX, .least_delay_ns = s->delay_ns };
 	status = take_memory(s);
-	if (status == BB_OK)
+	if (status == BB_OK && s->world) /* a network alone, in no room, has no faults */
 		status = sim_world_register(s->world, "link", l->dev.id, s, sim_link_verbs);
-	if (status != BB_OK) {
-		free(s->nodes);
-		free(s->messages);
-	}
+	if (status != BB_OK)
+		give_memory(s);
 	return status;
 }
 
@@ -178,11 +221,11 @@ static void link_close(struct bb_link *l)
 {
 	struct sim_link *s = own(l);
 
-	sim_world_unregister(s->world, s);
+	if (s->world)
+		sim_world_unregister(s->world, s);
 	for (int64_t i = 0; i < l->config.n_nodes; i++)
 		bb_clock_disarm(l->dev.clk, &s->nodes[i].timer);
-	free(s->nodes);
-	free(s->messages);
+	give_memory(s);
 }
 
 static enum bb_status link_send(struct bb_link *l, uint16_t from, uint16_t to, const void *bytes, size_t n)
@@ -205,10 +248,10 @@ static enum bb_status link_receive(struct bb_link *l, uint16_t node, struct bb_l
 	struct sim_link *s = own(l);
 	struct link_node *to = &s->nodes[node];
 
-	if (!to->n || to->queue[0].arrived_ns > bb_clock_now_ns(l->dev.clk))
+	if (!to->n || s->messages[to->queue[0]].arrived_ns > bb_clock_now_ns(l->dev.clk))
 		return BB_TIMEOUT;
-	*out = to->queue[0];
-	memmove(&to->queue[0], &to->queue[1], --to->n * sizeof(*out));
+	*out = s->messages[to->queue[0]];
+	drop_oldest(s, to);
 	s->counts.received++;
 	return BB_OK;
 }
@@ -249,6 +292,17 @@ static enum bb_status verb_loss(void *device, const struct sim_fault_args *args,
 	int64_t *sum = node ? &node->loss_ppm : &s->loss_ppm;
 	*sum += llround(percent * (on ? 1e4 : -1e4));
 	return BB_OK;
+}
+
+static enum bb_status verb_duplicate(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_link *s = device;
+	double percent;
+	const enum bb_status status = sim_fault_range(args, "percent", SIM_FAULT_REQUIRED, 0, 100, &percent, err);
+
+	if (status == BB_OK && s)
+		s->duplicate_ppm += llround(percent * (on ? 1e4 : -1e4));
+	return status;
 }
 
 static enum bb_status verb_delay(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
@@ -292,6 +346,7 @@ static enum bb_status verb_down(void *device, const struct sim_fault_args *args,
 const struct sim_verb sim_link_verbs[] = {
 	{ "loss", "percent=N [node=ID]", "that share of the messages is lost (of one node, or of all)", "percent=5",
 	  verb_loss },
+	{ "duplicate", "percent=N", "that share of the messages comes twice", "percent=5", verb_duplicate },
 	{ "delay", "us=N", "every message takes that much longer", "us=500", verb_delay },
 	{ "partition", "node=ID", "a node neither sends nor hears", "node=front", verb_partition },
 	{ "down", "", "the switch is dead: nothing arrives", "", verb_down },

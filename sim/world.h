@@ -77,6 +77,7 @@ void sim_rng_seed(struct sim_rng *r, uint64_t seed, const char *class_name, cons
 uint64_t sim_rng_u64(struct sim_rng *r);
 double sim_rng_uniform(struct sim_rng *r); /* [0, 1) */
 double sim_rng_normal(struct sim_rng *r);  /* mean 0, sd 1; the same bits on every machine */
+double sim_rng_exponential(struct sim_rng *r); /* mean 1; the same bits on every machine */
 /* A generator of its own for event number n of an instance: what one event draws does not move the next one's draws,
  * so a fault leaves every event outside its time as it was. */
 struct sim_rng sim_rng_at(const struct sim_rng *instance, uint64_t n);

@@ -32,6 +32,12 @@ void bb_barrier_arrive(struct bb_barrier *b, unsigned node, uint64_t frame, int6
 	b->arrived_ns[node] = now_ns;
 }
 
+void bb_barrier_drop(struct bb_barrier *b, unsigned node)
+{
+	if (node < b->n_nodes)
+		b->dropped |= UINT64_C(1) << node;
+}
+
 static void count_misses(struct bb_barrier *b, uint64_t missing)
 {
 	for (unsigned i = 0; i < b->n_nodes; i++) {
@@ -48,7 +54,7 @@ bool bb_barrier_step(struct bb_barrier *b, int64_t now_ns, struct bb_release *ou
 {
 	const uint64_t missing = b->waited & ~b->arrived;
 
-	if (!b->open || (missing && now_ns < b->deadline_ns))
+	if (!b->open || ((missing & ~b->dropped) && now_ns < b->deadline_ns))
 		return false;
 	*out = (struct bb_release){ .frame = b->frame, .missing = missing, .last_ns = b->opened_ns, .first_ns = now_ns };
 	for (unsigned i = 0; i < b->n_nodes; i++) {

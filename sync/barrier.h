@@ -35,6 +35,8 @@ void bb_barrier_init(struct bb_barrier *b, unsigned n_nodes, int64_t timeout_ns,
 void bb_barrier_open(struct bb_barrier *b, uint64_t frame, uint64_t nodes, int64_t now_ns);
 /* An arrival for another frame than the open one is ignored, but a dropped node that talks again is taken back. */
 void bb_barrier_arrive(struct bb_barrier *b, unsigned node, uint64_t frame, int64_t now_ns);
+/* A node that is known to be gone is waited for no longer, until it arrives again. */
+void bb_barrier_drop(struct bb_barrier *b, unsigned node);
 /* True once per barrier: all are there, or the deadline passed. */
 bool bb_barrier_step(struct bb_barrier *b, int64_t now_ns, struct bb_release *out);
 

@@ -7,6 +7,7 @@
 
 #include "bench/cli.h"
 #include "bench/run.h"
+#include "drivers/link/peers.h"
 
 static const struct bb_cli_option options[] = {
 	{ "seed", "N", "seed of every simulated device (default 1)" },
@@ -16,6 +17,12 @@ static const struct bb_cli_option options[] = {
 	{ "gl", "auto|osmesa|egl|cpu", "offscreen GL context, or none: native code" },
 	{ "fault", "TEXT", "plant a fault, e.g. \"at 2.0s camera/c3 cover for 3s\" (repeatable)" },
 	{ "fault-file", "FILE", "plant the faults of a file, one a line" },
+	{ "nodes", "N", "play the room's nodes in N processes, the head's included (--clock posix)" },
+	{ "link", "shm|zmq[:ADDRESS]", "what they talk over: shared memory (default) or ZeroMQ, e.g. zmq:tcp://127.0.0.1:5570" },
+	{ "wait", NULL, "start none of them: wait for `blackburst node`, from mpirun, srun, systemd or a person" },
+	{ "token-file", "FILE", "the secret of those that join, mode 0600; \"-\" is standard input" },
+	{ "open", NULL, "let ZeroMQ listen on an address that is not loopback (with --token-file)" },
+	{ "restart", NULL, "start a process again that died" },
 	{ "list-faults", NULL, "print every fault verb and what it means" },
 	{ "duration", "S", "scene seconds instead of the scene's own" },
 	{ "fidelity", "CLASS=N", "model a device class at fidelity N, or -1 for not at all (repeatable)" },
@@ -124,6 +131,49 @@ static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_run_optio
 	return read_fidelity(cli, o, err);
 }
 
+static volatile sig_atomic_t interrupted;
+
+/* The second signal of a kind ends the program at once. */
+static void interrupt(int number)
+{
+	interrupted = number;
+	signal(number, SIG_DFL);
+}
+
+static void catch_signals(struct bb_run_options *o)
+{
+	const struct sigaction act = { .sa_handler = interrupt };
+
+	o->interrupted = &interrupted;
+	sigaction(SIGINT, &act, NULL);
+	sigaction(SIGTERM, &act, NULL);
+	sigaction(SIGHUP, &act, NULL);
+	signal(SIGPIPE, SIG_IGN);
+}
+
+static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	struct bb_run_processes *p = &o->processes;
+	const char *link = bb_cli_get(cli, "link", "shm");
+	static char uri[160];
+	double n;
+	const enum bb_status status = bb_cli_number(cli, "nodes", 1, 1, LINK_PROCESSES_MAX, &n, err);
+
+	if (status != BB_OK)
+		return status;
+	snprintf(uri, sizeof(uri), "%s%s", link, strchr(link, ':') ? "" : ":");
+	*p = (struct bb_run_processes){ .n = (uint16_t)n, .link = uri, .token_file = bb_cli_get(cli, "token-file", NULL),
+		                        .wait = bb_cli_has(cli, "wait"), .open = bb_cli_has(cli, "open"),
+		                        .restart = bb_cli_has(cli, "restart") };
+	if (p->n > 1 && !o->posix_clock)
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--nodes %u wants --clock posix: virtual time has one process", p->n);
+	if ((p->wait || p->open) && (p->n < 2 || !p->token_file))
+		return bb_fail(err, BB_ERR_USAGE, 1671, NULL, "--wait and --open want --nodes and --token-file");
+	if (p->n > 1)
+		o->pictures = false; /* the others draw the walls */
+	return BB_OK;
+}
+
 static enum bb_status read_words(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
 {
 	const char *clock = bb_cli_get(cli, "clock", "virtual");
@@ -202,9 +252,12 @@ static int command(const struct bb_cli *cli)
 	if (status == BB_OK)
 		status = read_words(cli, &o, &err);
 	if (status == BB_OK)
+		status = read_processes(cli, &o, &err);
+	if (status == BB_OK)
 		status = read_faults(cli, &faults, &err);
 	o.faults = faults.fault;
 	o.n_faults = faults.n;
+	catch_signals(&o);
 	if (status == BB_OK)
 		status = bb_run(&o, &run, &err);
 	free(faults.fault);

@@ -5,11 +5,26 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/loop/lock.h"
+#include "bench/loop/remote.h"
 #include "bench/loop/tracking.h"
 
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
-#define BARRIER_DROP_AFTER 3
+#define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
+#define BARRIER_PROCESSES_NS (BB_NS_PER_S / 2) /* they draw for real; one that died is known before */
+
+bool bb_loop_interrupted(const struct bb_frame_loop *l)
+{
+	return l->options->interrupted && *l->options->interrupted;
+}
+
+static int64_t barrier_timeout_ns(const struct bb_frame_loop *l)
+{
+	if (l->processes)
+		return BARRIER_PROCESSES_NS;
+	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns;
+}
 
 unsigned bb_loop_head(const struct bb_frame_loop *l)
 {
@@ -135,6 +150,8 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	if (status != BB_OK || !n->n_screens)
 		return status;
 	l->drawing_nodes |= UINT64_C(1) << index;
+	if (!bb_remote_plays(l, index))
+		return BB_OK;
 	return create_stream(l, n, err);
 }
 
@@ -244,8 +261,9 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
-	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes,
-	                l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
+	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	if (status == BB_OK)
+		status = bb_lock_create(l, err);
 	if (status == BB_OK)
 		status = create_tracker(l);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
@@ -257,6 +275,9 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->send);
 	bb_clock_disarm(l->clk, &l->head_inbox);
 	bb_clock_disarm(l->clk, &l->deadline);
+	bb_clock_disarm(l->clk, &l->beat);
+	bb_clock_disarm(l->clk, &l->look_after);
+	bb_lock_destroy(l);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
@@ -327,7 +348,7 @@ static enum bb_status start_links(struct bb_frame_loop *l)
 	enum bb_status status = bb_link_notify(l->rig->link, (uint16_t)head, &l->head_inbox);
 
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
-		if (i != head)
+		if (i != head && bb_remote_plays(l, i))
 			status = bb_link_notify(l->rig->link, i, &l->nodes[i].inbox);
 	return status;
 }
@@ -352,7 +373,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	enum bb_status status = start_shutters(l);
 
 	for (size_t i = 0; l->draw_everything && i < l->room->n_nodes; i++)
-		bb_node_warm_up(&l->nodes[i]);
+		if (bb_remote_plays(l, i))
+			bb_node_warm_up(&l->nodes[i]);
 	if (status == BB_OK)
 		status = start_cameras(l);
 	if (status == BB_OK)
@@ -361,6 +383,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	l->end_ns = l->scene_start_ns + (int64_t)(duration_s * 1e9);
 	if (l->world)
 		sim_world_set_scene_start(l->world, l->scene_start_ns);
+	if (status == BB_OK && l->processes)
+		status = bb_remote_start(l);
 	if (status == BB_OK && l->world)
 		status = sim_faults_start(l->world);
 	for (size_t i = 0; i < l->room->n_cameras; i++)
@@ -375,10 +399,13 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
+	l->result->truncated = bb_loop_interrupted(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
 	if (l->n_frames > 2)
 		bb_frames_close(l, l->n_frames - 2);
+	if (l->processes)
+		bb_remote_tell(l);
 	return BB_OK;
 }

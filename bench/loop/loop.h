@@ -60,6 +60,8 @@ struct bb_frame {
 };
 
 struct bb_frame_loop;
+struct bb_loop_lock;
+struct bb_nodes;
 
 struct bb_pad { /* one gamepad */
 	struct bb_pad_report report;      /* newest */
@@ -84,6 +86,7 @@ struct bb_node_machine { /* one node of the room */
 	int64_t draw_ns;                  /* of the last frame, without what was uploaded */
 	struct bb_stream_counts counts;   /* of the frame being drawn, */
 	int64_t load_ns;                  /* and what it spends on its bricks */
+	uint64_t held_bytes;              /* played elsewhere: what its process told of its memory */
 	uint64_t waiting;                 /* bricks asked for and not here, */
 	int64_t arrived_ns;               /* and when one came last, or the first of them was asked for */
 	size_t stall;                     /* 1 + the warning that none come; 0: none */
@@ -114,6 +117,7 @@ struct bb_frame_loop {
 	struct bb_phase phase;
 	struct bb_barrier barrier;
 	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
+	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
 	const struct bb_bricks *bricks;
@@ -129,6 +133,11 @@ struct bb_frame_loop {
 	int master_screen;                /* -1: paced by the clock alone */
 	uint64_t drawing_nodes;           /* bits */
 	struct bb_node_machine *nodes;    /* by room node */
+
+	struct bb_nodes *processes;       /* NULL: all nodes are played in this process */
+	uint64_t ready_processes;         /* bits */
+	struct bb_timer beat, look_after; /* bench/loop/remote.c */
+	int64_t late_ns, left_ns;         /* the latest beat; when the left eye of the frame under way should see it */
 
 	struct bb_timer begin, send, head_inbox, deadline;
 	int64_t scene_start_ns, end_ns;
@@ -190,6 +199,12 @@ void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_
 double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
+bool bb_loop_interrupted(const struct bb_frame_loop *l);
+/* Releases the barrier when all that are waited for are there, or the time is over. */
+void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns);
+/* The head's part of a release: who was late, of those that were waited for (bits); then the next frame. */
+void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, uint64_t waited, int64_t now_ns);
+void bb_head_begin_next(struct bb_frame_loop *l, int64_t now_ns);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
 int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns);
@@ -198,6 +213,10 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+/* Books what a frame of a node took: its bricks; its time, when it is drawn; a flip of one of its screens. */
+void bb_node_book(struct bb_node_machine *n, struct bb_frame *f, const struct bb_stream_counts *c, int64_t now_ns);
+void bb_node_drawn(struct bb_node_machine *n, struct bb_frame *f, int64_t ready_ns, int64_t now_ns);
+void bb_node_note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_flip *flip);
 void bb_node_fill(struct bb_node_machine *n);
 void bb_node_warm_up(struct bb_node_machine *n);
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);

@@ -1,5 +1,6 @@
 /* bench/loop/node.c: a render node: on scene state it selects, streams and draws; on release it presents. */
-#include "bench/loop/loop.h"
+#include "bench/loop/lock.h"
+#include "bench/loop/remote.h"
 
 #include <math.h>
 #include <string.h>
@@ -71,6 +72,32 @@ static uint32_t bricks_in_time(const struct bb_node_machine *n)
 	return left_ns > each_ns ? (uint32_t)(left_ns / each_ns) : 1;
 }
 
+void bb_node_book(struct bb_node_machine *n, struct bb_frame *f, const struct bb_stream_counts *c, int64_t now_ns)
+{
+	struct bb_frame_loop *l = n->loop;
+	const struct bb_sample bytes = { .value = (double)c->bytes, .frame = n->frame, .at_ns = now_ns, .node = n->index,
+		                         .stage = BB_STAGE_SELECT };
+
+	if (!l->bricks)
+		return;
+	if (f) {
+		f->bricks_wanted += c->drawn;
+		f->bricks_missing += c->missing;
+		f->bricks_loaded += c->loaded;
+		f->bytes += c->bytes;
+		f->deficit += c->deficit;
+	}
+	bb_streaming_frame(n, c, now_ns);
+	bb_result_count(l->result, "bricks_wanted", c->drawn);
+	bb_result_count(l->result, "bricks_missing", c->missing);
+	bb_result_count(l->result, "bricks_loaded", c->loaded);
+	bb_result_count(l->result, "bricks_evicted", c->evicted);
+	bb_result_count(l->result, "bytes_streamed", c->bytes);
+	bb_result_count(l->result, "rays", c->rays);
+	bb_result_count(l->result, "samples", c->samples);
+	bb_ledger_sample(l->ledger, BB_METRIC_STREAM, &bytes);
+}
+
 static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
 	struct bb_frame_loop *l = n->loop;
@@ -90,24 +117,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 	if (n->disk)
 		bb_stream_disk_stall(n->disk, l->world && sim_world_node_stalled(l->world, n->index), frame.now_ns);
 	c = bb_stream_frame(n->stream, &frame);
-	if (f) {
-		f->bricks_wanted += c.drawn;
-		f->bricks_missing += c.missing;
-		f->bricks_loaded += c.loaded;
-		f->bytes += c.bytes;
-		f->deficit += c.deficit;
-	}
-	bb_streaming_frame(n, &c, frame.now_ns);
-	bb_result_count(l->result, "bricks_wanted", c.drawn);
-	bb_result_count(l->result, "bricks_missing", c.missing);
-	bb_result_count(l->result, "bricks_loaded", c.loaded);
-	bb_result_count(l->result, "bricks_evicted", c.evicted);
-	bb_result_count(l->result, "bytes_streamed", c.bytes);
-	bb_result_count(l->result, "rays", c.rays);
-	bb_result_count(l->result, "samples", c.samples);
-	const struct bb_sample bytes = { .value = (double)c.bytes, .frame = m->frame, .at_ns = bb_clock_now_ns(l->clk),
-		                         .node = n->index, .stage = BB_STAGE_SELECT };
-	bb_ledger_sample(l->ledger, BB_METRIC_STREAM, &bytes);
+	bb_node_book(n, f, &c, frame.now_ns);
 	return c;
 }
 
@@ -186,6 +196,8 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 
 	if (l->world && sim_world_node_dead(l->world, n->index, now_ns))
 		return;
+	if (l->lock && n->ready.slot)
+		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
@@ -212,6 +224,20 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 		bb_clock_stop(l->clk);
 }
 
+void bb_node_drawn(struct bb_node_machine *n, struct bb_frame *f, int64_t ready_ns, int64_t now_ns)
+{
+	struct bb_frame_loop *l = n->loop;
+	struct bb_node_times *t = &f->node[n->index];
+
+	t->ready_ns = ready_ns;
+	const bool by_bricks = bb_streaming_ready(n, t->received_ns, t->ready_ns);
+	const struct bb_sample s = { .value = (double)(t->ready_ns - t->received_ns) * 1e-6, .frame = n->frame,
+		                     .at_ns = now_ns, .node = n->index,
+		                     .stage = by_bricks ? BB_STAGE_SELECT : BB_STAGE_DRAW };
+	bb_ledger_sample(l->ledger, BB_METRIC_FRAME, &s);
+	bb_eventlog_add(l->events, n->source, BB_EV_DRAW, now_ns, (int64_t)n->frame, t->ready_ns - t->selected_ns);
+}
+
 int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_node_machine *n = bb_container_of(timer, struct bb_node_machine, ready);
@@ -219,18 +245,14 @@ int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	struct bb_frame *f = bb_loop_frame(l, n->frame);
 	const struct bb_message m = { .kind = BB_MESSAGE_ARRIVE, .frame = n->frame };
 
-	if (f) {
-		struct bb_node_times *t = &f->node[n->index];
-		t->ready_ns = scheduled_ns;
-		const bool by_bricks = bb_streaming_ready(n, t->received_ns, t->ready_ns);
-		const struct bb_sample s = { .value = (double)(t->ready_ns - t->received_ns) * 1e-6, .frame = n->frame,
-			                     .at_ns = now_ns, .node = n->index,
-			                     .stage = by_bricks ? BB_STAGE_SELECT : BB_STAGE_DRAW };
-		bb_ledger_sample(l->ledger, BB_METRIC_FRAME, &s);
-		bb_eventlog_add(l->events, n->source, BB_EV_DRAW, now_ns, (int64_t)n->frame,
-		                t->ready_ns - t->selected_ns);
-	}
-	bb_loop_say(l, n->index, bb_loop_head(l), &m);
+	if (f)
+		bb_node_drawn(n, f, scheduled_ns, now_ns);
+	if (l->lock)
+		bb_lock_ready(l, n->index, n->frame, now_ns);
+	else if (!bb_remote_only_plays(l))
+		bb_loop_say(l, n->index, bb_loop_head(l), &m);
+	else if (f)
+		bb_remote_drew(n, f);
 	return BB_NEVER;
 }
 
@@ -240,6 +262,10 @@ static uint32_t left_target(const struct bb_frame_loop *l, struct bb_display *d,
 	const int64_t period_ns = bb_display_limits(d)->period_ns;
 	const int64_t middle_ns = v->at_ns + period_ns + period_ns / 2;
 
+	if (bb_remote_only_plays(l)) { /* it sees no shutters; the head said when the left eye is open */
+		const int64_t off_ns = l->left_ns - v->at_ns, k = off_ns / period_ns - (off_ns % period_ns < 0);
+		return v->seq + 1 + (uint32_t)((k + 1) & 1);
+	}
 	return bb_phase_eye_at(&l->phase, middle_ns) == BB_EYE_RIGHT ? v->seq + 2 : v->seq + 1;
 }
 
@@ -324,6 +350,8 @@ static void hear_release(struct bb_node_machine *n, const struct bb_message *m, 
 
 	if (f)
 		f->node[n->index].released_ns = now_ns;
+	if (f && bb_remote_only_plays(n->loop))
+		bb_remote_released(n, f);
 	if (n->frame != m->frame || !f || !f->node[n->index].ready_ns)
 		return; /* nothing to show: late, or it never heard of this frame */
 	const int64_t hold_ns = hold_until_ns(n, now_ns);
@@ -333,7 +361,7 @@ static void hear_release(struct bb_node_machine *n, const struct bb_message *m, 
 		bb_clock_stop(n->loop->clk);
 }
 
-static void note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_flip *flip)
+void bb_node_note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb_flip *flip)
 {
 	struct bb_frame *f = bb_loop_frame(l, flip->frame);
 	const int64_t period_ns = bb_display_limits(l->rig->displays[screen])->period_ns;
@@ -375,7 +403,11 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 		struct bb_display *d = l->rig->displays[n->screens[s]];
 		while (d && bb_display_flips(d, flips, BB_ARRAY_LEN(flips), &count) == BB_OK)
 			for (size_t i = 0; i < count; i++) {
-				note_flip(l, n->screens[s], &flips[i]);
+				if (bb_remote_only_plays(l)) {
+					bb_remote_flipped(n, n->screens[s], &flips[i]);
+					continue;
+				}
+				bb_node_note_flip(l, n->screens[s], &flips[i]);
 				if (!s)
 					bb_ledger_mark(l->ledger, BB_TRACK_VSYNC, n->index, flips[i].at_ns,
 					               (int32_t)flips[i].seq);
@@ -399,7 +431,8 @@ int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	(void)scheduled_ns;
 
 	while (bb_link_receive(n->loop->rig->link, n->index, &packet) == BB_OK) {
-		if (packet.n_bytes != sizeof(m))
+		if (bb_remote_hear(n->loop, &packet, now_ns) || bb_lock_hear(n->loop, n->index, &packet, now_ns) ||
+		    packet.n_bytes != sizeof(m))
 			continue;
 		memcpy(&m, packet.bytes, sizeof(m));
 		bb_node_hear(n, &m, now_ns);

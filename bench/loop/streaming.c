@@ -81,9 +81,9 @@ static void watch_disk(struct bb_node_machine *n, const struct bb_stream_counts 
 
 static void tell_failure(struct bb_node_machine *n, int64_t now_ns)
 {
-	const struct bb_error *e = bb_stream_error(n->stream);
+	const struct bb_error *e = n->stream ? bb_stream_error(n->stream) : NULL;
 
-	if (n->failure_told || !e->number)
+	if (n->failure_told || !e || !e->number)
 		return;
 	n->failure_told = true;
 	bb_watch_warn(n->loop->watch, n->loop->node_slot[n->index], now_ns, "coarser bricks for %.120s", e->text);
@@ -92,7 +92,7 @@ static void tell_failure(struct bb_node_machine *n, int64_t now_ns)
 void bb_streaming_frame(struct bb_node_machine *n, const struct bb_stream_counts *c, int64_t now_ns)
 {
 	struct bb_stream_node *r = result_of(n);
-	const uint64_t held = bb_stream_memory_bytes(n->stream);
+	const uint64_t held = n->stream ? bb_stream_memory_bytes(n->stream) : n->held_bytes;
 
 	n->counts = *c;
 	watch_disk(n, c, now_ns);
@@ -115,7 +115,7 @@ bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t 
 {
 	struct bb_stream_node *r = result_of(n);
 
-	if (!r || !n->stream)
+	if (!r)
 		return false;
 	const double limit = n->loop->result->streaming.limit_ms;
 	const struct bb_stream_load load = { .frame = n->frame, .at_ns = received_ns - n->loop->scene_start_ns,

@@ -280,6 +280,7 @@ static const struct bb_yaml_branch top_branches[] = {
 	{ "defaults", read_defaults, false },
 	{ "nodes", read_nodes, true },
 	{ "link", room_read_link, false },
+	{ "framelock", room_read_framelock, false },
 	{ "walls", room_read_walls, true },
 	{ "shutters", room_read_shutters, false },
 	{ "cameras", room_read_cameras, false },
@@ -328,6 +329,7 @@ static void defaults(struct room_build *b)
 	room_camera_defaults(&b->camera);
 	room_monitor_defaults(&b->monitor);
 	bb_options_defaults(room_link_options, &b->room->link);
+	bb_options_defaults(room_framelock_options, b->room);
 }
 
 static enum bb_status finish(struct room_build *b, const struct bb_yaml_node *root)
@@ -456,6 +458,7 @@ const struct bb_room_section *bb_room_section(size_t i)
 		{ "power.outlets", room_outlet_options },
 		{ "gamepads", room_gamepad_options },
 		{ "link", room_link_options },
+		{ "framelock", room_framelock_options },
 	};
 
 	return i < BB_ARRAY_LEN(sections) ? &sections[i] : NULL;

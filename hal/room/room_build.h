@@ -104,6 +104,7 @@ enum bb_status room_read_power(struct bb_reader *r, const struct bb_yaml_node *v
 enum bb_status room_read_gamepads(struct bb_reader *r, const struct bb_yaml_node *value, void *target);
 enum bb_status room_read_bodies(struct bb_reader *r, const struct bb_yaml_node *value, void *target);
 enum bb_status room_read_link(struct bb_reader *r, const struct bb_yaml_node *value, void *target);
+enum bb_status room_read_framelock(struct bb_reader *r, const struct bb_yaml_node *value, void *target);
 void room_wall_defaults(struct room_wall_draft *d);
 void room_camera_defaults(struct room_camera_draft *d);
 void room_monitor_defaults(struct room_monitor_draft *d);
@@ -114,6 +115,6 @@ BB_MUST_CHECK enum bb_status room_check_outlets(struct room_build *b, const stru
 
 extern const struct bb_option room_wall_options[], room_grid_options[], room_display_options[], room_camera_options[],
 	room_monitor_options[], room_chain_options[], room_emitter_options[], room_pdu_options[], room_outlet_options[],
-	room_gamepad_options[], room_link_options[];
+	room_gamepad_options[], room_link_options[], room_framelock_options[];
 
 #endif

@@ -1,5 +1,5 @@
 /*
- * hal/room/room_devices.c: the devices of a room: shutters, cameras, monitors, power, gamepads, marker bodies, link.
+ * hal/room/room_devices.c: the devices of a room: shutters, cameras, monitors, power, gamepads, marker bodies.
  */
 #include <math.h>
 #include <stdio.h>
@@ -754,23 +754,4 @@ enum bb_status room_read_bodies(struct bb_reader *r, const struct bb_yaml_node *
 		room->n_bodies += !glasses;
 	}
 	return status;
-}
-
-/* --- link --------------------------------------------------------------------------------------------------------- */
-
-const struct bb_option room_link_options[] = {
-	TEXT("device", struct bb_link_config, device, false, "back end"),
-	F64("delay_us", struct bb_link_config, delay_us, 60, 0, 1e6, "one way"),
-	F64("jitter_us", struct bb_link_config, jitter_us, 10, 0, 1e6, "simulated, sd"),
-	F64("loss_ppm", struct bb_link_config, loss_ppm, 0, 0, 1e6, "simulated, of the messages"),
-	BB_OPT_END
-};
-
-enum bb_status room_read_link(struct bb_reader *r, const struct bb_yaml_node *value, void *target)
-{
-	struct room_build *b = build_of(r);
-	const enum bb_status status = bb_yaml_walk(r, value, room_link_options, NULL, &b->room->link, 0);
-
-	(void)target;
-	return status ? status : room_check_device(b, value, b->room->link.device);
 }

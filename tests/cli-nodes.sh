@@ -1,0 +1,108 @@
+#!/bin/sh
+# One run in several real processes: kill -9 of one over either link and the rest finish and say when and who; joining
+# by hand and by mpirun; who does not belong is not let in; SIGTERM ends all with a report; no process outlives the head.
+# Times of this machine are nobody's business here: budgets may fail, processes may not.
+. tests/cli.sh.inc
+room=rooms/cabin.yaml
+pattern=scenes/calibration.yaml
+run="$program run $room $pattern --clock posix --nodes 4 --quiet"
+umask 077
+od -An -N16 -tx1 /dev/urandom | tr -d ' \n' >"$work/token"
+
+children() { ps -o pid= --ppid "$1" 2>/dev/null; }
+gone() { # every process of a list, within 2 s
+	for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do
+		left=
+		for pid in "$@"; do [ -d "/proc/$pid" ] && ! grep -q '^State:.Z' "/proc/$pid/status" 2>/dev/null && left=$pid; done
+		[ -z "$left" ] && return 0
+		sleep 0.1
+	done
+	return 1
+}
+begun() { # until a run has its children
+	for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30; do
+		[ "$(children "$1" | wc -l)" = 3 ] && return
+		sleep 0.1
+	done
+}
+
+# kill -9 of one of four, in the middle: over either link, and once more where it is started again. All runs at once.
+for way in shm zmq again term dead; do
+	case $way in
+	zmq) options="--link zmq --duration 3" ;;
+	again) options="--restart --duration 3" ;;
+	shm) options="--link shm --duration 3" ;;
+	*) options="--duration 60" ;;
+	esac
+	# shellcheck disable=SC2086
+	$run $options --out "$work/$way" 2>"$work/$way.err" &
+	eval "pid_$way=$!"
+done
+for way in shm zmq again term dead; do
+	eval "begun \$pid_$way && pids_$way=\$(children \$pid_$way)"
+done
+sleep 1.6
+for way in shm zmq again; do
+	eval "kill -9 \$(echo \$pids_$way | cut -d' ' -f2)"
+done
+kill -TERM "$pid_term"
+kill -9 "$pid_dead"
+for way in shm zmq; do
+	eval "pid=\$pid_$way; set -- \$pids_$way"
+	wait "$pid"
+	code=$?
+	check "$way: the rest finish with a verdict" [ $code = 1 ]
+	check "$way: the report says who" [ "$(field "$work/$way/result.json" "sorted(i['culprit'] for i in r['incidents'] if 'pid $2) was killed by signal 9' in i['what'])")" = "['node/floor', 'node/left']" ]
+	check "$way: and when" [ "$(field "$work/$way/result.json" "all(0 < i['from_s'] < 3 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
+	check "$way: the scene went on to its end" [ "$(field "$work/$way/result.json" "r['counters']['frames'] > 100 and not r['truncated']")" = True ]
+	check "$way: no packet was refused" [ "$(field "$work/$way/result.json" "r['counters']['packets_refused']")" = 0 ]
+	check "$way: nobody is left behind" gone "$@"
+done
+wait "$pid_again"
+check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
+check "restart: within 2 s" [ "$(field "$work/again/result.json" "max(i['to_s'] - i['from_s'] for i in r['incidents'] if 'signal 9' in i['what']) < 2")" = True ]
+wait "$pid_term"
+check "SIGTERM: the report is there, truncated" [ "$(field "$work/term/result.json" "r['truncated'] and r['counters']['frames'] > 1")" = True ]
+# shellcheck disable=SC2086
+check "SIGTERM: nobody is left behind" gone $pids_term
+wait "$pid_dead" 2>/dev/null
+# shellcheck disable=SC2086
+check "the head dies: nobody outlives it" gone $pids_dead
+
+# Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many
+$run --link zmq --wait --token-file "$work/token" --duration 2 --out "$work/hand" 2>"$work/err" &
+pid=$!
+for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.1; address=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/err"); [ -n "$address" ] && break; done
+node="$program node $room --nodes 4 --join $address --token-file $work/token --duration 2"
+"$program" node $room "$scene" --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/other" >/dev/null
+check "another scene is not let in: BB1677" grep -q BB1677 "$work/other"
+ss -ltn 2>/dev/null | grep -q "0.0.0.0:${address##*:}" && open=yes
+check "it listens on loopback only" [ -z "${open:-}" ]
+"$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 --index 2 2>"$work/n2" &
+two=$!
+if command -v mpirun >/dev/null; then
+	mpirun --allow-run-as-root --oversubscribe -n 2 "$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 >"$work/mpi" 2>&1 &
+else
+	echo "SKIP: there is no mpirun: a shell starts the other two processes"
+	for i in 1 2; do "$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/n1.$i" & done
+fi
+sleep 1
+"$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/many" >/dev/null
+check "one too many is not let in: BB1675" grep -q BB1675 "$work/many"
+wait $pid
+wait $two
+check "a node by hand ends well with its head" [ $? = 0 ]
+check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r['counters']['frames'] > 60 and 'processes_lost' not in r['counters']")" = True ]
+check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
+wait
+
+# Words that make no sense
+refused() { "$@" 2>&1 >/dev/null | grep -o 'BB1[0-9]*' | head -n 1; }
+check "virtual time has one process" [ "$(refused "$program" run $room $pattern --nodes 2)" = BB1701 ]
+check "a process of none" [ "$(refused "$program" run $room $pattern --clock posix --nodes 7)" = BB1701 ]
+check "no such link" [ "$(refused $run --link ipc)" = BB1670 ]
+check "loopback unless told otherwise" [ "$(refused $run --link zmq:tcp://0.0.0.0 --token-file "$work/token")" = BB1672 ]
+check "open only with a secret" [ "$(refused $run --link zmq:tcp://0.0.0.0 --open)" = BB1671 ]
+chmod 644 "$work/token"
+check "a secret that all may read is none" [ "$(refused $run --token-file "$work/token")" = BB1671 ]
+finish
