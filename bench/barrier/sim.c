@@ -22,7 +22,8 @@ struct troupe_node {
 	int64_t offset_ns, ppb;
 	uint64_t frame;           /* being drawn, or drawn and waiting */
 	bool dead;
-	double slow;
+	double slow, quality;
+	int64_t begun_ns, took_ns; /* took: 0 while it draws */
 	unsigned side;
 };
 
@@ -270,7 +271,9 @@ static int64_t on_begin(struct bb_timer *t, int64_t scheduled_ns, int64_t now_ns
 	/* Who is behind a plan leaves frames out. */
 	const uint64_t next = bb_framelock_next(n->lock, here_ns(n));
 	n->frame = next > n->frame ? next : n->frame;
-	arm(w, &n->ready, now_ns + (int64_t)(share * n->slow * (double)bb_rate_period_ns(w->c.rate)));
+	n->begun_ns = now_ns;
+	n->took_ns = 0;
+	arm(w, &n->ready, now_ns + (int64_t)(share * n->slow * n->quality * (double)bb_rate_period_ns(w->c.rate)));
 	return BB_NEVER;
 }
 
@@ -281,6 +284,7 @@ static int64_t on_ready(struct bb_timer *t, int64_t scheduled_ns, int64_t now_ns
 	(void)scheduled_ns;
 	if (n->dead)
 		return BB_NEVER;
+	n->took_ns = now_ns - n->begun_ns;
 	if (bb_framelock_state(n->lock) == BB_LOCK_IN && n->frame >= bb_framelock_frame(n->lock)) {
 		struct troupe_frame *f = frame_at(n->wall, n->frame);
 		f->ready_ns = now_ns > f->ready_ns ? now_ns : f->ready_ns;
@@ -318,7 +322,7 @@ static struct bb_lock_config lock_config(const struct bb_troupe *w, struct troup
 		                    .window = w->c.window, .send = send, .released = released, .ctx = n };
 
 	bb_lock_config_times(&l, bb_rate_period_ns(w->c.rate));
-	l.members = bb_nodes_first(w->c.starts_empty ? 1 : w->c.n_nodes);
+	l.members = bb_lock_set_first(w->c.starts_empty ? 1 : w->c.n_nodes);
 	return l;
 }
 
@@ -330,7 +334,7 @@ static enum bb_status create_node(struct bb_troupe *w, uint16_t index)
 	snprintf(id, sizeof(id), "%u", index);
 	n->wall = w;
 	n->index = index;
-	n->slow = 1;
+	n->slow = n->quality = 1;
 	sim_rng_seed(&n->rng, w->c.seed, "wall", id);
 	n->ppb = llround((2 * sim_rng_uniform(&n->rng) - 1) * w->c.drift_ppm * 1000);
 	n->offset_ns = w->c.zero_ns + (w->c.drift_ppm > 0 ? (int64_t)(sim_rng_uniform(&n->rng) * 1e9) : 0);
@@ -463,6 +467,18 @@ void bb_troupe_slow(struct bb_troupe *w, unsigned node, double factor)
 	w->nodes[node].slow = factor;
 }
 
+void bb_troupe_quality(struct bb_troupe *w, unsigned node, double quality)
+{
+	w->nodes[node].quality = quality;
+}
+
+int64_t bb_troupe_took_ns(const struct bb_troupe *w, unsigned node)
+{
+	const struct troupe_node *n = &w->nodes[node];
+
+	return n->took_ns ? n->took_ns : bb_clock_now_ns(w->clk) - n->begun_ns;
+}
+
 void bb_troupe_cut(struct bb_troupe *w, unsigned node, unsigned side)
 {
 	w->nodes[node].side = side;
@@ -480,7 +496,7 @@ void bb_troupe_configure(struct bb_troupe *w, unsigned node, uint32_t version, u
 
 	l.version = version;
 	l.hash[0] = hash0;
-	l.members = (struct bb_nodes){ { 0 } };
+	l.members = (struct bb_lock_set){ { 0 } };
 	bb_framelock_destroy(n->lock);
 	if (bb_framelock_create(&l, &n->lock) != BB_OK)
 		abort();
@@ -495,6 +511,11 @@ void bb_troupe_every(struct bb_troupe *w, unsigned every)
 struct bb_framelock *bb_troupe_lock(struct bb_troupe *w, unsigned node)
 {
 	return w->nodes[node].lock;
+}
+
+struct bb_clock *bb_troupe_clock(struct bb_troupe *w)
+{
+	return w->clk;
 }
 
 int64_t bb_troupe_now_ns(const struct bb_troupe *w)

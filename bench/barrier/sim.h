@@ -56,11 +56,14 @@ struct bb_troupe_result bb_troupe_result(struct bb_troupe *w);
 void bb_troupe_kill(struct bb_troupe *w, unsigned node);             /* neither sends nor hears nor draws */
 void bb_troupe_revive(struct bb_troupe *w, unsigned node);           /* starts anew */
 void bb_troupe_slow(struct bb_troupe *w, unsigned node, double factor); /* its draws take so many times as long */
+void bb_troupe_quality(struct bb_troupe *w, unsigned node, double quality);
+int64_t bb_troupe_took_ns(const struct bb_troupe *w, unsigned node); /* its newest draw; of one that goes on: so far */
 void bb_troupe_cut(struct bb_troupe *w, unsigned node, unsigned side);  /* nodes of different sides do not hear each other */
 void bb_troupe_loss(struct bb_troupe *w, double share);              /* of all messages, beside the link's own */
 void bb_troupe_configure(struct bb_troupe *w, unsigned node, uint32_t version, uint8_t hash0); /* of its next start */
 void bb_troupe_every(struct bb_troupe *w, unsigned every);           /* timed: refreshes a frame, from the next plan on */
 struct bb_framelock *bb_troupe_lock(struct bb_troupe *w, unsigned node);
+struct bb_clock *bb_troupe_clock(struct bb_troupe *w);
 int64_t bb_troupe_now_ns(const struct bb_troupe *w);
 int64_t bb_troupe_local_ns(const struct bb_troupe *w, unsigned node, int64_t true_ns);
 uint64_t bb_troupe_drawing(const struct bb_troupe *w, unsigned node); /* frame */

@@ -1,4 +1,5 @@
 /* bench/loop/head.c: the head node: begins frames, tells the nodes, keeps the barrier. */
+#include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
 
 #include <math.h>
@@ -129,11 +130,13 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 
 	f->tracked_ns = now_ns;
 	bb_barrier_open(&l->barrier, f->frame, l->drawing_nodes, now_ns);
-	if (bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
+	if (!l->lock && bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
 		bb_clock_stop(l->clk);
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (l->drawing_nodes >> i & 1)
 			bb_loop_say(l, head, i, &m);
+	if (l->lock)
+		bb_lock_begun(l, f, now_ns);
 	return BB_NEVER;
 }
 
@@ -163,7 +166,7 @@ int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 	return at_ns + VBLANK_GUARD_NS;
 }
 
-static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
+static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, uint64_t waited, int64_t now_ns)
 {
 	for (unsigned i = 0; i < l->room->n_nodes; i++) {
 		const bool missing = f->missing_nodes >> i & 1;
@@ -172,36 +175,46 @@ static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, i
 			             missing ? "frame %llu: did not come to the swap barrier"
 			                     : "frame %llu: came last and too late to the swap barrier",
 			             (unsigned long long)f->frame);
-		else if ((l->drawing_nodes & ~l->barrier.dropped) >> i & 1)
+		else if ((l->drawing_nodes & waited) >> i & 1)
 			bb_watch_good(l->watch, l->node_slot[i], now_ns);
 	}
 }
 
-void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns)
+void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, uint64_t waited, int64_t now_ns)
 {
-	const unsigned head = bb_loop_head(l);
-	struct bb_release r;
+	struct bb_frame *f = bb_loop_frame(l, r->frame);
 
-	if (!bb_barrier_step(&l->barrier, now_ns, &r))
-		return;
-	struct bb_frame *f = bb_loop_frame(l, r.frame);
-	const struct bb_message m = { .kind = BB_MESSAGE_RELEASE, .frame = r.frame };
-	bb_clock_disarm(l->clk, &l->deadline);
 	if (f) {
 		f->release_ns = now_ns;
-		f->last_node = r.last;
-		f->missing_nodes = r.missing;
+		f->last_node = r->last;
+		f->missing_nodes = r->missing;
 		f->late = now_ns > f->start_ns + l->refresh_ns;
-		blame_late_node(l, f, now_ns);
+		blame_late_node(l, f, waited, now_ns);
 	}
 	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
-	                (int64_t)r.frame, (int64_t)r.missing);
-	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)head, now_ns, (int32_t)r.frame);
-	for (unsigned i = 0; i < l->room->n_nodes; i++)
-		if (l->drawing_nodes >> i & 1)
-			bb_loop_say(l, head, i, &m);
+	                (int64_t)r->frame, (int64_t)r->missing);
+	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)bb_loop_head(l), now_ns, (int32_t)r->frame);
+}
+
+void bb_head_begin_next(struct bb_frame_loop *l, int64_t now_ns)
+{
 	if (bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, now_ns)) != BB_OK)
 		bb_clock_stop(l->clk);
+}
+
+void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_release r;
+
+	if (l->lock || !bb_barrier_step(&l->barrier, now_ns, &r))
+		return;
+	const struct bb_message m = { .kind = BB_MESSAGE_RELEASE, .frame = r.frame };
+	bb_clock_disarm(l->clk, &l->deadline);
+	bb_head_note_release(l, &r, ~l->barrier.dropped, now_ns);
+	for (unsigned i = 0; i < l->room->n_nodes; i++)
+		if (l->drawing_nodes >> i & 1)
+			bb_loop_say(l, bb_loop_head(l), i, &m);
+	bb_head_begin_next(l, now_ns);
 }
 
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
@@ -229,7 +242,8 @@ int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	(void)scheduled_ns;
 
 	while (bb_link_receive(l->rig->link, (uint16_t)bb_loop_head(l), &packet) == BB_OK) {
-		if (bb_remote_hear(l, &packet, now_ns) || packet.n_bytes != sizeof(m))
+		if (bb_remote_hear(l, &packet, now_ns) || bb_lock_hear(l, bb_loop_head(l), &packet, now_ns) ||
+		    packet.n_bytes != sizeof(m))
 			continue;
 		memcpy(&m, packet.bytes, sizeof(m));
 		if (m.kind == BB_MESSAGE_ARRIVE)

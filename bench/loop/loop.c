@@ -5,11 +5,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
 #include "bench/loop/tracking.h"
 
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
-#define BARRIER_DROP_AFTER 3
+#define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
 #define BARRIER_PROCESSES_NS (BB_NS_PER_S / 2) /* they draw for real; one that died is known before */
 
@@ -262,6 +263,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = create_node(l, i, err);
 	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, barrier_timeout_ns(l), BARRIER_DROP_AFTER);
 	if (status == BB_OK)
+		status = bb_lock_create(l, err);
+	if (status == BB_OK)
 		status = create_tracker(l);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
@@ -274,6 +277,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->deadline);
 	bb_clock_disarm(l->clk, &l->beat);
 	bb_clock_disarm(l->clk, &l->look_after);
+	bb_lock_destroy(l);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);

@@ -60,6 +60,7 @@ struct bb_frame {
 };
 
 struct bb_frame_loop;
+struct bb_loop_lock;
 struct bb_nodes;
 
 struct bb_pad { /* one gamepad */
@@ -112,6 +113,7 @@ struct bb_frame_loop {
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_barrier barrier;
+	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
 	const struct bb_bricks *bricks;
@@ -195,6 +197,9 @@ struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen 
 bool bb_loop_interrupted(const struct bb_frame_loop *l);
 /* Releases the barrier when all that are waited for are there, or the time is over. */
 void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns);
+/* The head's part of a release: who was late, of those that were waited for (bits); then the next frame. */
+void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, uint64_t waited, int64_t now_ns);
+void bb_head_begin_next(struct bb_frame_loop *l, int64_t now_ns);
 void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_message *m, int64_t now_ns);
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
 int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns);

@@ -1,4 +1,5 @@
 /* bench/loop/node.c: a render node: on scene state it selects, streams and draws; on release it presents. */
+#include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
 
 #include <math.h>
@@ -178,6 +179,8 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 
 	if (l->world && sim_world_node_dead(l->world, n->index, now_ns))
 		return;
+	if (l->lock && n->ready.slot)
+		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
 	n->frame = m->frame;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
@@ -227,7 +230,9 @@ int64_t bb_node_ready(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 
 	if (f)
 		bb_node_drawn(n, f, scheduled_ns, now_ns);
-	if (!bb_remote_only_plays(l))
+	if (l->lock)
+		bb_lock_ready(l, n->index, n->frame, now_ns);
+	else if (!bb_remote_only_plays(l))
 		bb_loop_say(l, n->index, bb_loop_head(l), &m);
 	else if (f)
 		bb_remote_drew(n, f);
@@ -409,7 +414,8 @@ int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	(void)scheduled_ns;
 
 	while (bb_link_receive(n->loop->rig->link, n->index, &packet) == BB_OK) {
-		if (bb_remote_hear(n->loop, &packet, now_ns) || packet.n_bytes != sizeof(m))
+		if (bb_remote_hear(n->loop, &packet, now_ns) || bb_lock_hear(n->loop, n->index, &packet, now_ns) ||
+		    packet.n_bytes != sizeof(m))
 			continue;
 		memcpy(&m, packet.bytes, sizeof(m));
 		bb_node_hear(n, &m, now_ns);

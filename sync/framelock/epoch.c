@@ -15,7 +15,7 @@ uint16_t lock_roll_master(const struct bb_framelock *f)
 
 /* Frames below `frame` are released. */
 static void send_epoch(struct bb_framelock *f, uint16_t to, uint32_t epoch, uint64_t frame, uint64_t from,
-                       const struct bb_nodes *members)
+                       const struct bb_lock_set *members)
 {
 	struct bb_lock_message m = { .kind = BB_LOCK_EPOCH, .epoch = epoch, .frame = frame,
 		                     .u.epoch = { .from = from, .members = *members } };
@@ -51,12 +51,12 @@ static void take_master(struct bb_framelock *f, uint16_t master)
 	f->master = f->join_to = master;
 }
 
-static void begin(struct bb_framelock *f, uint32_t epoch, uint16_t master, const struct bb_nodes *members, int64_t now_ns)
+static void begin(struct bb_framelock *f, uint32_t epoch, uint16_t master, const struct bb_lock_set *members, int64_t now_ns)
 {
 	f->epoch = epoch;
 	take_master(f, master);
 	f->members = *members;
-	f->state = bb_nodes_has(members, f->c.self) ? BB_LOCK_IN : BB_LOCK_OUT;
+	f->state = bb_lock_set_has(members, f->c.self) ? BB_LOCK_IN : BB_LOCK_OUT;
 	f->join_ns = now_ns;
 	if (f->c.master_ns != BB_NEVER)
 		f->master_ns = now_ns + f->c.master_ns;
@@ -69,31 +69,33 @@ void lock_epoch_due(struct bb_framelock *f, int64_t now_ns)
 {
 	if (!f->next.any || f->frame < f->next.from)
 		return;
-	const struct bb_nodes members = f->next.members;
+	const struct bb_lock_set members = f->next.members;
 	begin(f, f->next.epoch, f->next.master, &members, now_ns);
 }
 
-void lock_drop(struct bb_framelock *f, const struct bb_nodes *with, uint64_t from, int64_t now_ns)
+void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns)
 {
 	const uint32_t epoch = (f->next.any ? f->next.epoch : f->epoch) + 1;
-	struct bb_nodes missing = { { 0 } };
+	struct bb_lock_set missing = { { 0 } };
 
 	take_master(f, f->c.self);
 	for (uint16_t i = 0; i < f->c.n_nodes; i++) {
-		const bool is_in = bb_nodes_has(&f->members, i);
-		bb_nodes_put(&missing, i, is_in && !bb_nodes_has(with, i));
-		if (i != f->c.self && (is_in || (f->next.any && bb_nodes_has(&f->next.members, i))))
+		const bool is_in = bb_lock_set_has(&f->members, i);
+		bb_lock_set_put(&missing, i, is_in && !bb_lock_set_has(with, i));
+		if (i != f->c.self && (is_in || (f->next.any && bb_lock_set_has(&f->next.members, i))))
 			send_epoch(f, i, epoch, from, from, with);
 	}
 	f->next.any = false;
+	for (size_t i = 0; i < BB_ARRAY_LEN(missing.bits); i++)
+		f->missing.bits[i] |= missing.bits[i]; /* told with the next release */
 	if (from > f->frame)
-		lock_move_on(f, from - 1, now_ns, &missing);
+		lock_move_on(f, from - 1, now_ns, NULL);
 	begin(f, epoch, f->c.self, with, now_ns);
 }
 
 void lock_hear_epoch(struct bb_framelock *f, const struct bb_lock_message *m, int64_t now_ns)
 {
-	const bool was_in = f->state == BB_LOCK_IN, is_in = bb_nodes_has(&m->u.epoch.members, f->c.self);
+	const bool was_in = f->state == BB_LOCK_IN, is_in = bb_lock_set_has(&m->u.epoch.members, f->c.self);
 
 	if (m->epoch <= f->epoch)
 		return;
@@ -120,21 +122,21 @@ void lock_hear_epoch(struct bb_framelock *f, const struct bb_lock_message *m, in
 /* ---- roll call ---- */
 
 /* More than half of the epoch may go on, or half of it with the master. */
-static bool majority(const struct bb_framelock *f, const struct bb_nodes *with)
+static bool majority(const struct bb_framelock *f, const struct bb_lock_set *with)
 {
-	const unsigned n = 2 * bb_nodes_count(with);
+	const unsigned n = 2 * bb_lock_set_count(with);
 
-	return n > f->n_members || (n == f->n_members && bb_nodes_has(with, f->master));
+	return n > f->n_members || (n == f->n_members && bb_lock_set_has(with, f->master));
 }
 
 static void freeze(struct bb_framelock *f, int64_t now_ns)
 {
 	f->state = BB_LOCK_FROZEN;
 	f->join_ns = now_ns;
-	f->wanted = (struct bb_nodes){ { 0 } };
+	f->wanted = (struct bb_lock_set){ { 0 } };
 }
 
-void lock_go_on(struct bb_framelock *f, const struct bb_nodes *with, uint64_t from, int64_t now_ns)
+void lock_go_on(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns)
 {
 	if (majority(f, with))
 		lock_drop(f, with, from, now_ns);
@@ -145,14 +147,14 @@ void lock_go_on(struct bb_framelock *f, const struct bb_nodes *with, uint64_t fr
 /* Everybody who is there has drawn the frame: release it, without those who have not come. */
 static void settle(struct bb_framelock *f, int64_t now_ns)
 {
-	struct bb_nodes with = { { 0 } }, late = { { 0 } };
+	struct bb_lock_set with = { { 0 } }, late = { { 0 } };
 
-	bb_nodes_put(&with, f->c.self, true);
-	bb_nodes_put(&late, f->c.self, !f->ready);
+	bb_lock_set_put(&with, f->c.self, true);
+	bb_lock_set_put(&late, f->c.self, !f->ready);
 	for (unsigned i = 0; i < f->n_members; i++)
 		if (f->came[f->order[i]] > f->frame)
-			bb_nodes_put(&with, f->order[i], true);
-	if (!bb_nodes_equal(&with, &f->members) || f->master != f->c.self) {
+			bb_lock_set_put(&with, f->order[i], true);
+	if (!bb_lock_set_equal(&with, &f->members) || f->master != f->c.self) {
 		lock_go_on(f, &with, f->frame + 1, now_ns);
 		return;
 	}
@@ -219,7 +221,7 @@ static void ask_to_join(struct bb_framelock *f, int64_t now_ns)
 	if (f->join_to != f->c.self)
 		send_join(f, f->join_to, BB_LOCK_JOIN, early);
 	/* Whoever is a member knows who is the master by now: every second time another is asked. */
-	f->join_to = f->join_to == f->master ? (uint16_t)((uint64_t)now_ns / (uint64_t)f->c.retry_ns % f->c.n_nodes) : f->master;
+	f->join_to = f->join_to == f->master ? (uint16_t)(f->counts.joins++ % f->c.n_nodes) : f->master;
 }
 
 static bool outside(const struct bb_framelock *f)
@@ -259,7 +261,7 @@ void lock_admit(struct bb_framelock *f)
 {
 	const uint64_t from = f->frame + LOCK_JOIN_AHEAD;
 
-	if (f->master != f->c.self || f->state != BB_LOCK_IN || f->next.any || !bb_nodes_count(&f->wanted))
+	if (f->master != f->c.self || f->state != BB_LOCK_IN || f->next.any || !bb_lock_set_count(&f->wanted))
 		return;
 	f->next.any = true;
 	f->next.epoch = f->epoch + 1;
@@ -268,26 +270,26 @@ void lock_admit(struct bb_framelock *f)
 	f->next.members = f->members;
 	for (size_t i = 0; i < BB_ARRAY_LEN(f->wanted.bits); i++)
 		f->next.members.bits[i] |= f->wanted.bits[i];
-	f->wanted = (struct bb_nodes){ { 0 } };
+	f->wanted = (struct bb_lock_set){ { 0 } };
 	for (uint16_t i = 0; i < f->c.n_nodes; i++)
-		if (i != f->c.self && bb_nodes_has(&f->next.members, i))
+		if (i != f->c.self && bb_lock_set_has(&f->next.members, i))
 			send_epoch(f, i, f->next.epoch, f->frame, from, &f->next.members);
 }
 
 /* The master of a side too small to go on: once enough are back, it is large enough. */
 static void gather(struct bb_framelock *f, uint16_t from, uint64_t frame, int64_t now_ns)
 {
-	if (f->master != f->c.self || !bb_nodes_has(&f->members, from))
+	if (f->master != f->c.self || !bb_lock_set_has(&f->members, from))
 		return;
-	bb_nodes_put(&f->wanted, from, true);
+	bb_lock_set_put(&f->wanted, from, true);
 	f->frame = frame > f->frame ? frame : f->frame;
-	struct bb_nodes with = f->wanted;
-	bb_nodes_put(&with, f->c.self, true);
+	struct bb_lock_set with = f->wanted;
+	bb_lock_set_put(&with, f->c.self, true);
 	if (!majority(f, &with))
 		return;
 	f->state = BB_LOCK_IN;
 	f->ready = false;
-	f->wanted = (struct bb_nodes){ { 0 } };
+	f->wanted = (struct bb_lock_set){ { 0 } };
 	lock_drop(f, &with, f->frame + 1, now_ns);
 }
 
@@ -302,17 +304,17 @@ void lock_hear_join(struct bb_framelock *f, uint16_t from, const struct bb_lock_
 		gather(f, from, m->frame, now_ns);
 	if (f->state != BB_LOCK_IN)
 		return;
-	const bool is_member = bb_nodes_has(&f->members, from);
-	if (m->round || f->master != f->c.self || (f->next.any && bb_nodes_has(&f->next.members, from))) {
+	const bool is_member = bb_lock_set_has(&f->members, from);
+	if (m->round || f->master != f->c.self || (f->next.any && bb_lock_set_has(&f->next.members, from))) {
 		lock_send_epoch(f, from);
 	} else if (!is_member) {
-		bb_nodes_put(&f->wanted, from, true);
+		bb_lock_set_put(&f->wanted, from, true);
 	} else if (f->frame < f->epoch_from + RESTARTED_FRAMES) {
 		lock_send_epoch(f, from);
 	} else {
-		struct bb_nodes with = f->members;
-		bb_nodes_put(&with, from, false);
-		bb_nodes_put(&f->wanted, from, true);
+		struct bb_lock_set with = f->members;
+		bb_lock_set_put(&with, from, false);
+		bb_lock_set_put(&f->wanted, from, true);
 		lock_go_on(f, &with, f->frame, now_ns);
 	}
 }

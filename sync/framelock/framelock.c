@@ -50,7 +50,7 @@ enum bb_status bb_framelock_create(const struct bb_lock_config *config, struct b
 		return BB_ERR_NOMEM;
 	}
 	bb_framelock_restart(f);
-	if (bb_nodes_has(&config->members, config->self)) {
+	if (bb_lock_set_has(&config->members, config->self)) {
 		f->state = BB_LOCK_IN;
 		f->epoch = 1;
 		f->members = config->members;
@@ -176,7 +176,7 @@ void bb_framelock_hear(struct bb_framelock *f, uint16_t from, const void *bytes,
 	case BB_LOCK_RELEASE:
 	case BB_LOCK_NUDGE:
 	case BB_LOCK_ROLL:
-		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || !bb_nodes_has(&f->members, from))
+		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || !bb_lock_set_has(&f->members, from))
 			hear_foreign(f, from, &m);
 		else
 			hear_member(f, from, &m, now_ns);
@@ -198,7 +198,7 @@ void lock_note(struct bb_framelock *f, uint16_t node, uint64_t frame, int64_t no
 	const bool first = f->came[node] <= f->frame && frame >= f->frame;
 	f->came[node] = frame + 1;
 	f->came_ns[node] = now_ns;
-	if (!first || !bb_nodes_has(&f->members, node))
+	if (!first || !bb_lock_set_has(&f->members, node))
 		return;
 	f->n_came++;
 	if (f->opened_ns == BB_NEVER)
@@ -239,19 +239,19 @@ static void name_last(const struct bb_framelock *f, struct bb_lock_release *r)
 		any = true;
 	}
 	for (uint16_t i = 0; i < f->c.n_nodes; i++)
-		if (bb_nodes_has(&r->missing, i)) {
+		if (bb_lock_set_has(&r->missing, i)) {
 			r->last = i;
 			r->last_ns = r->at_ns;
 		}
 }
 
-void lock_move_on(struct bb_framelock *f, uint64_t frame, int64_t now_ns, const struct bb_nodes *missing)
+void lock_move_on(struct bb_framelock *f, uint64_t frame, int64_t now_ns, const struct bb_lock_set *missing)
 {
 	struct bb_lock_release r = { .frame = frame, .at_ns = now_ns, .skipped = !f->ready || f->frame != frame,
 		                     .last = BB_LOCK_NOBODY, .first_ns = now_ns, .last_ns = now_ns };
 
-	if (missing)
-		r.missing = *missing;
+	r.missing = missing ? *missing : f->missing;
+	f->missing = (struct bb_lock_set){ { 0 } };
 	if (f->master == f->c.self)
 		name_last(f, &r);
 	if (lock_planned(f, frame)) {
@@ -282,7 +282,7 @@ static void rank_members(struct bb_framelock *f)
 	f->n_members = 0;
 	f->order[f->n_members++] = f->master;
 	for (uint16_t i = 0; i < f->c.n_nodes; i++)
-		if (i != f->master && bb_nodes_has(&f->members, i))
+		if (i != f->master && bb_lock_set_has(&f->members, i))
 			f->order[f->n_members++] = i;
 	for (uint16_t i = 0; i < f->n_members; i++)
 		if (f->order[i] == f->c.self)
@@ -367,7 +367,7 @@ uint16_t bb_framelock_master(const struct bb_framelock *f)
 	return f->master;
 }
 
-const struct bb_nodes *bb_framelock_members(const struct bb_framelock *f)
+const struct bb_lock_set *bb_framelock_members(const struct bb_framelock *f)
 {
 	return &f->members;
 }

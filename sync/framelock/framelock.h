@@ -42,7 +42,7 @@ struct bb_lock_release {
 	bool skipped;             /* this node had not drawn it: nothing to flip */
 	bool timed;               /* at the planned time, whoever is ready */
 	bool late;                /* timed: drawn after the planned time */
-	struct bb_nodes missing;  /* at the master: went on without them */
+	struct bb_lock_set missing;  /* at the master: went on without them */
 	uint16_t last;            /* at the master: who came last, or is missing; NOBODY: not known */
 	int64_t first_ns, last_ns;/* at the master: when the first and last it knows of came */
 };
@@ -50,7 +50,7 @@ struct bb_lock_release {
 struct bb_lock_config {
 	enum bb_lock_method method;
 	uint16_t n_nodes, self, master; /* n_nodes at most BB_LOCK_NODES_MAX; the first master */
-	struct bb_nodes members;        /* of epoch 1; self not in it: it has to join */
+	struct bb_lock_set members;        /* of epoch 1; self not in it: it has to join */
 	struct bb_rate rate;            /* of refreshes: what plans count in */
 	int64_t retry_ns;               /* what has had no effect for this long is sent again */
 	int64_t stall_ns;               /* waited for so long: report to the master (roll call) */
@@ -67,7 +67,7 @@ struct bb_lock_config {
 
 struct bb_lock_counts {
 	uint64_t sent, resent, heard, bad, foreign; /* bad: no message; foreign: of another epoch or a stranger */
-	uint64_t stalls, epochs, refused;
+	uint64_t stalls, epochs, joins, refused;
 };
 
 struct bb_framelock;
@@ -94,7 +94,7 @@ uint64_t bb_framelock_frame(const struct bb_framelock *f); /* the next to be rel
 uint64_t bb_framelock_next(const struct bb_framelock *f, int64_t now_ns);
 uint32_t bb_framelock_epoch(const struct bb_framelock *f);
 uint16_t bb_framelock_master(const struct bb_framelock *f);
-const struct bb_nodes *bb_framelock_members(const struct bb_framelock *f);
+const struct bb_lock_set *bb_framelock_members(const struct bb_framelock *f);
 struct bb_lock_counts bb_framelock_counts(const struct bb_framelock *f);
 /* Timed: is the master's clock known from a full window? The master's own is; *uncertainty_ns may be NULL. */
 bool bb_framelock_synchronised(const struct bb_framelock *f, int64_t now_ns, int64_t *uncertainty_ns);

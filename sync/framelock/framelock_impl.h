@@ -32,7 +32,7 @@ struct bb_framelock {
 
 	uint32_t epoch;
 	uint16_t master;
-	struct bb_nodes members;
+	struct bb_lock_set members;
 	uint16_t *order, n_members; /* members by rank, the master first, then by index */
 	uint16_t rank;
 	struct { /* an epoch that begins later */
@@ -40,9 +40,10 @@ struct bb_framelock {
 		uint32_t epoch;
 		uint16_t master;
 		uint64_t from;
-		struct bb_nodes members;
+		struct bb_lock_set members;
 	} next;
-	struct bb_nodes wanted;     /* master: have asked to join */
+	struct bb_lock_set wanted;  /* master: have asked to join */
+	struct bb_lock_set missing; /* master: dropped since the last release */
 	uint64_t epoch_from;
 
 	uint64_t frame;             /* the next to be released */
@@ -71,7 +72,7 @@ void lock_send(struct bb_framelock *f, uint16_t to, enum bb_lock_kind kind, uint
 void lock_send_message(struct bb_framelock *f, uint16_t to, struct bb_lock_message *m);
 void lock_release(struct bb_framelock *f, uint64_t frame, int64_t now_ns);
 /* The same, but nobody else is told, and the epoch stays. */
-void lock_move_on(struct bb_framelock *f, uint64_t frame, int64_t now_ns, const struct bb_nodes *missing);
+void lock_move_on(struct bb_framelock *f, uint64_t frame, int64_t now_ns, const struct bb_lock_set *missing);
 void lock_begin_epoch(struct bb_framelock *f, int64_t now_ns); /* after members, master or frame changed */
 void lock_note(struct bb_framelock *f, uint16_t node, uint64_t frame, int64_t now_ns); /* node has drawn frame */
 void lock_recount(struct bb_framelock *f);
@@ -88,9 +89,9 @@ void lock_hear_refuse(struct bb_framelock *f, const struct bb_lock_message *m);
 void lock_admit(struct bb_framelock *f);     /* master, between two frames: those who asked */
 void lock_epoch_due(struct bb_framelock *f, int64_t now_ns); /* between two frames: the next epoch begins */
 /* Master: goes on with the members of `with` from `from` on; frames below are released. */
-void lock_drop(struct bb_framelock *f, const struct bb_nodes *with, uint64_t from, int64_t now_ns);
+void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns);
 /* The same if they are the majority; frozen otherwise. */
-void lock_go_on(struct bb_framelock *f, const struct bb_nodes *with, uint64_t from, int64_t now_ns);
+void lock_go_on(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns);
 
 /* timed.c */
 bool lock_planned(const struct bb_framelock *f, uint64_t frame);

@@ -28,7 +28,7 @@ static size_t body_bytes(enum bb_lock_kind kind)
 	case BB_LOCK_ROLL:
 		return 0;
 	case BB_LOCK_EPOCH:
-		return 8 + sizeof(struct bb_nodes);
+		return 8 + sizeof(struct bb_lock_set);
 	case BB_LOCK_JOIN:
 	case BB_LOCK_REFUSE:
 		return 4 + BB_LOCK_HASH;
@@ -98,9 +98,9 @@ static bool read_epoch(const uint8_t *at, struct bb_lock_message *m)
 	for (size_t i = 0; i < BB_LOCK_NODES_MAX / 64; i++)
 		m->u.epoch.members.bits[i] = get(at + 8 + 8 * i, 8);
 	for (unsigned i = m->n_nodes; i < BB_LOCK_NODES_MAX; i++)
-		if (bb_nodes_has(&m->u.epoch.members, i))
+		if (bb_lock_set_has(&m->u.epoch.members, i))
 			return false;
-	return frame_possible(m->u.epoch.from) && bb_nodes_has(&m->u.epoch.members, m->master);
+	return frame_possible(m->u.epoch.from) && bb_lock_set_has(&m->u.epoch.members, m->master);
 }
 
 static bool read_time(const uint8_t *at, struct bb_lock_message *m)

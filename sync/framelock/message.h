@@ -9,7 +9,7 @@
 #ifndef BB_SYNC_FRAMELOCK_MESSAGE_H
 #define BB_SYNC_FRAMELOCK_MESSAGE_H
 
-#include "sync/framelock/nodes.h"
+#include "sync/framelock/set.h"
 
 #define BB_LOCK_MESSAGE_MAX 104
 #define BB_LOCK_HASH 32
@@ -41,7 +41,7 @@ struct bb_lock_message {
 		} time;
 		struct {
 			uint64_t from;
-			struct bb_nodes members;
+			struct bb_lock_set members;
 		} epoch;
 		struct {
 			uint32_t version;

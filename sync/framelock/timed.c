@@ -94,14 +94,14 @@ void lock_time_hear(struct bb_framelock *f, uint16_t from, const struct bb_lock_
 /* The master, at a planned flip: nobody waits, but a node that draws no more must not count for ever. */
 static void drop_silent(struct bb_framelock *f, int64_t now_ns)
 {
-	struct bb_nodes with = f->members;
+	struct bb_lock_set with = f->members;
 
 	if (f->master != f->c.self || f->frame < f->epoch_from + SILENT_FRAMES)
 		return;
 	for (unsigned i = 1; i < f->n_members; i++)
 		if (f->came[f->order[i]] + SILENT_FRAMES <= f->frame)
-			bb_nodes_put(&with, f->order[i], false);
-	if (!bb_nodes_equal(&with, &f->members))
+			bb_lock_set_put(&with, f->order[i], false);
+	if (!bb_lock_set_equal(&with, &f->members))
 		lock_go_on(f, &with, f->frame, now_ns);
 }
 
