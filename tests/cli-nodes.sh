@@ -38,6 +38,8 @@ for way in shm zmq again term dead; do
 	$run $options --out "$work/$way" 2>"$work/$way.err" &
 	eval "pid_$way=$!"
 done
+OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
+pid_posix=$!
 for way in shm zmq again term dead; do
 	eval "begun \$pid_$way && pids_$way=\$(children \$pid_$way)"
 done
@@ -69,6 +71,11 @@ wait "$pid_dead" 2>/dev/null
 # shellcheck disable=SC2086
 check "the head dies: nobody outlives it" gone $pids_dead
 
+# 120 Hz: counters only, a fifth of the frames is enough on any machine
+wait $pid_posix
+check "120 Hz in four processes: frames, and none refused" [ "$(field "$work/posix/result.json" "r['counters']['frames'] >= 48 and r['counters']['packets_refused'] == 0 and 'processes_lost' not in r['counters']")" = True ]
+check "120 Hz: lateness stands beside the timer's floor" [ "$(grep -c 'wakes: p50' "$work/posix.txt")" = 4 ]
+
 # Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many
 $run --link zmq --wait --token-file "$work/token" --duration 2 --out "$work/hand" 2>"$work/err" &
 pid=$!
@@ -95,6 +102,11 @@ check "a node by hand ends well with its head" [ $? = 0 ]
 check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r['counters']['frames'] > 60 and 'processes_lost' not in r['counters']")" = True ]
 check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
 wait
+
+# Barriers of real processes: every way works under every load, the peer that is not built says so
+"$program" bench barrier --real --processes 3 --seconds 0.02 --json >"$work/barrier.json" 2>"$work/err"
+check "bench barrier: every way came round" [ "$(field "$work/barrier.json" "all(x.get('rounds', 0) > 0 for x in r['real']['rows'] if x['barrier'] != 'mpi')")" = True ]
+check "bench barrier: three loads, eight ways, and MPI's reason" [ "$(field "$work/barrier.json" "(len(r['real']['rows']), sum('skipped' in x for x in r['real']['rows']))")" = "(24, 2)" ]
 
 # Words that make no sense
 refused() { "$@" 2>&1 >/dev/null | grep -o 'BB1[0-9]*' | head -n 1; }
