@@ -11,7 +11,7 @@
 #include "sync/plan/wave.h"
 
 #define PAGE_WIDTH 1240.0
-#define LEFT 178.0     /* of the time axis */
+#define LEFT 206.0     /* of the time axis */
 #define RIGHT 1012.0
 #define TOP 104.0
 #define GAP 14.0
@@ -225,25 +225,23 @@ static double tokens(const struct page *p, double y)
 {
 	static const char *const text[BB_TOKENS] = { "open L", "close L", "open R", "close R" };
 	struct bb_light_span spans[BB_TOKENS];
-	double last = -1e9, low = 0;
+	bool low = false; /* labels of neighbours stand on two lines */
 
-	title(p, y, 2 * ROW, "tokens", p->plan->tokens ? p->plan->tokens->name : "none known");
-	frame(p, y, 2 * ROW);
+	title(p, y, 3 * ROW, "tokens", p->plan->tokens ? p->plan->tokens->name : "none known");
+	frame(p, y, 3 * ROW);
 	if (!p->plan->tokens)
-		return y + 2 * ROW + GAP;
+		return y + 3 * ROW + GAP;
 	const size_t n = bb_ir_spans(p->plan->tokens, p->plan->period_us, p->plan->timing.glasses_at_us,
 	                             p->plan->timing.glasses_open_us, spans);
-	for (size_t i = 0; i < n; i++) {
+	for (size_t i = 0; i < n; i++, low = !low) {
 		const int eye = spans[i].token == BB_TOKEN_OPEN_RIGHT || spans[i].token == BB_TOKEN_CLOSE_RIGHT;
-		const double x = x_of(p, spans[i].from);
+		const bool last = x_of(p, spans[i].from) > RIGHT - 46;
+		const struct pen_point at = { last ? RIGHT - 2 : x_of(p, spans[i].from), y + (low ? 2.5 : 1.5) * ROW };
 
 		bar(p, spans[i].from, spans[i].to - spans[i].from, y + 2, ROW - 4, eye_colour[eye]);
-		low = x - last < 46 ? 46 - (x - last) : 0; /* one label never over another */
-		pen_text(p->cr, (struct pen_point){ x + low, y + 1.5 * ROW }, PEN_LEFT, 9.5, false, eye_colour[eye], "%s",
-		         text[spans[i].token]);
-		last = x + low;
+		pen_text(p->cr, at, last ? PEN_RIGHT : PEN_LEFT, 9.5, false, eye_colour[eye], "%s", text[spans[i].token]);
 	}
-	return y + 2 * ROW + GAP;
+	return y + 3 * ROW + GAP;
 }
 
 static double cameras(const struct page *p, double y)
@@ -281,25 +279,25 @@ static double measured(const struct page *p, double y)
 	for (size_t i = 0; i < e->n_groups; i++, y += ROW) {
 		const struct bb_phase_group *g = &e->group[i];
 		const double spread = g->most_us - g->least_us;
-		const bool loose = spread > e->cycle_us / 4;
-		double off = g->mean_us - g->planned_us;
+		const bool loose = bb_phase_loose(e, g);
 
 		pen_text(p->cr, (struct pen_point){ LEFT - 12, y + ROW / 2 }, PEN_RIGHT, 10, false, pen_ink, "%s%s %s", g->track,
 		         g->eye == BB_EYE_LEFT ? " L" : g->eye == BB_EYE_RIGHT ? " R" : "", g->event);
 		frame(p, y + 1, ROW - 2);
-		bar(p, (g->mean_us + g->least_us) * scale, spread * scale, y + 4, ROW - 8,
-		    pen_alpha(measured_colour, loose ? 0.2 : 0.8));
-		if (isfinite(g->planned_us)) {
-			const double x = x_of(p, g->planned_us);
-			pen_line(p->cr, (struct pen_point){ x, y + 1 }, (struct pen_point){ x, y + ROW - 1 }, 1.6, pen_ink);
+		for (int k = 0; k < (g->eye == BB_EYE_NONE ? 2 : 1); k++) {
+			const double x = x_of(p, g->planned_us + k * p->plan->period_us);
+
+			bar(p, (g->mean_us + g->least_us) * scale + k * p->plan->period_us, spread * scale, y + 4, ROW - 8,
+			    pen_alpha(measured_colour, loose ? 0.2 : 0.8));
+			if (isfinite(x))
+				pen_line(p->cr, (struct pen_point){ x, y + 1 }, (struct pen_point){ x, y + ROW - 1 }, 1.6, pen_ink);
 		}
-		off -= e->cycle_us * floor(off / e->cycle_us + 0.5);
 		if (loose)
 			pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10, true, pen_camera,
 			         "%zu edges, not locked", g->n);
 		else if (isfinite(g->planned_us))
 			pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10, false, pen_ink,
-			         "%+.1f us from plan, spread %.1f", off, spread);
+			         "%+.1f us from plan, spread %.1f", bb_phase_off_us(e, g), spread);
 		else
 			pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10, false, pen_ink,
 			         "at %.1f us, spread %.1f", g->mean_us, spread);
@@ -311,9 +309,10 @@ static double measured(const struct page *p, double y)
 
 static void legend(const struct page *p)
 {
-	static const char *const text[] = { "left eye", "right eye", "dark", "vblank" };
-	const struct pen_colour colour[] = { pen_alpha(eye_colour[0], 0.6), pen_alpha(eye_colour[1], 0.6), night, pen_grey };
-	double x = RIGHT - 330;
+	static const char *const text[] = { "left eye", "right eye", "pixels settling", "dark", "vblank" };
+	const struct pen_colour colour[] = { pen_alpha(eye_colour[0], 0.6), pen_alpha(eye_colour[1], 0.6),
+		                             { 0.65, 0.64, 0.60, 1 }, night, pen_grey };
+	double x = RIGHT - 470;
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(text); i++) {
 		pen_rect(p->cr, x, 20, 14, 10, colour[i], colour[i]);

@@ -9,6 +9,7 @@
 
 #include "bench/file.h"
 
+#define TURN (2 * 3.14159265358979323846)
 #define FILE_MOST ((size_t)128 << 20)
 
 struct edge {
@@ -163,6 +164,9 @@ static double planned(const struct bb_room *room, const struct bb_plan *p, const
 			external |= room->screens[i].wall == w && room->screens[i].display.stereo == BB_STEREO_DUAL_PROJECTOR;
 		return external ? fmod(p->timing.shutter_at_us + right + 4 * p->period_us, 2 * p->period_us) : (double)NAN;
 	}
+	for (size_t i = 0; i < p->n_cameras; i++)
+		if (p->camera[i].locked && !strncmp(g->track, "strobe:", 7) && !strcmp(g->track + 7, p->camera[i].first))
+			return fmod(p->camera[i].offset_us + p->camera[i].exposure_us / 2, p->period_us);
 	return (double)NAN;
 }
 
@@ -205,19 +209,22 @@ static size_t before(const int64_t *times, size_t n, int64_t t)
 	return low ? low - 1 : n;
 }
 
-static double median_step(const int64_t *times, size_t n)
+/* The mean step in us, of steps that may have gaps: the median says how many cycles each one holds. */
+static double mean_step(const int64_t *times, size_t n)
 {
 	int64_t *steps = calloc(n, sizeof(*steps));
-	double us = 0;
+	double cycles = 0, median;
 
 	if (!steps)
 		return 0;
 	for (size_t i = 0; i + 1 < n; i++)
 		steps[i] = times[i + 1] - times[i];
 	qsort(steps, n - 1, sizeof(*steps), by_time);
-	us = (double)steps[(n - 1) / 2] / 1e3;
+	median = (double)steps[(n - 1) / 2];
+	for (size_t i = 0; i + 1 < n && median > 0; i++)
+		cycles += round((double)steps[i] / median);
 	free(steps);
-	return us;
+	return cycles > 0 ? (double)(times[n - 1] - times[0]) / 1e3 / cycles : 0;
 }
 
 struct mean { /* on a circle */
@@ -230,41 +237,50 @@ static double wrap(double us, double cycle)
 	return us - cycle * floor(us / cycle + 0.5);
 }
 
-/* Place in the cycle of an edge, or NAN where no cycle was under way. */
-static double place(const struct bb_phase_edges *e, const int64_t *begins, size_t n, int64_t at_ns)
+/* What belongs to no eye comes with every edge: its circle is half a cycle. */
+static double circle(const struct bb_phase_edges *e, const struct bb_phase_group *g)
 {
-	const size_t i = before(begins, n, at_ns);
-	const double us = i < n ? (double)(at_ns - begins[i]) / 1e3 : (double)NAN;
+	return g->eye == BB_EYE_NONE ? e->cycle_us / 2 : e->cycle_us;
+}
+
+/* Place in its circle of an edge, or NAN where no cycle was under way. */
+static double place(const struct list *l, const int64_t *begins, size_t n, const struct edge *edge)
+{
+	const struct bb_phase_edges *e = l->out;
+	const size_t i = before(begins, n, edge->at_ns);
+	const double us = i < n ? (double)(edge->at_ns - begins[i]) / 1e3 : (double)NAN;
 
 	if (!(us < 1.5 * e->cycle_us))
 		return (double)NAN;
-	return fmod(us + e->reference_us + 2 * e->cycle_us, e->cycle_us);
+	return fmod(us + e->reference_us + 2 * e->cycle_us, circle(e, &e->group[edge->group]));
 }
 
 static void fold(struct list *l, const int64_t *begins, size_t n)
 {
 	struct bb_phase_edges *e = l->out;
-	const double turn = 2 * 3.14159265358979323846 / e->cycle_us;
 	struct mean mean[BB_PHASE_GROUPS] = { { 0 } };
 
 	for (size_t i = 0; i < l->n; i++) {
-		const double us = place(e, begins, n, l->edge[i].at_ns);
+		const double us = place(l, begins, n, &l->edge[i]);
+		const double angle = us * TURN / circle(e, &e->group[l->edge[i].group]);
 		struct mean *m = &mean[l->edge[i].group];
 
 		if (isnan(us))
 			continue;
-		m->sine += sin(us * turn);
-		m->cosine += cos(us * turn);
+		m->sine += sin(angle);
+		m->cosine += cos(angle);
 		m->n++;
 	}
 	for (size_t g = 0; g < e->n_groups; g++) {
+		const double around = circle(e, &e->group[g]);
+
 		e->group[g].n = mean[g].n;
-		e->group[g].mean_us = fmod(atan2(mean[g].sine, mean[g].cosine) / turn + e->cycle_us, e->cycle_us);
+		e->group[g].mean_us = fmod(atan2(mean[g].sine, mean[g].cosine) / TURN * around + around, around);
 	}
 	for (size_t i = 0; i < l->n; i++) {
-		const double us = place(e, begins, n, l->edge[i].at_ns);
+		const double us = place(l, begins, n, &l->edge[i]);
 		struct bb_phase_group *g = &e->group[l->edge[i].group];
-		const double off = wrap(us - g->mean_us, e->cycle_us);
+		const double off = wrap(us - g->mean_us, circle(e, g));
 
 		if (isnan(us))
 			continue;
@@ -289,7 +305,7 @@ static enum bb_status fold_all(struct list *l, const struct bb_room *room, const
 		if (l->edge[i].group == ref)
 			begins[n++] = l->edge[i].at_ns;
 	qsort(begins, n, sizeof(*begins), by_time);
-	e->cycle_us = median_step(begins, n);
+	e->cycle_us = mean_step(begins, n);
 	for (size_t i = 0; i < e->n_groups; i++)
 		e->group[i].planned_us = planned(room, plan, &e->group[i]);
 	snprintf(e->reference, sizeof(e->reference), "%s", e->group[ref].track);
@@ -324,6 +340,16 @@ enum bb_status bb_phase_edges_read(const char *path, const struct bb_room *room,
 	return status;
 }
 
+bool bb_phase_loose(const struct bb_phase_edges *e, const struct bb_phase_group *g)
+{
+	return g->most_us - g->least_us > circle(e, g) / 4;
+}
+
+double bb_phase_off_us(const struct bb_phase_edges *e, const struct bb_phase_group *g)
+{
+	return wrap(g->mean_us - g->planned_us, circle(e, g));
+}
+
 /* --- telling ------------------------------------------------------------------------------------------------------ */
 
 static const char *eye_text(enum bb_eye eye)
@@ -341,8 +367,8 @@ void bb_phase_edges_print(const struct bb_phase_edges *e, FILE *out)
 
 		snprintf(name, sizeof(name), "%s %s %s", g->track, eye_text(g->eye), g->event);
 		if (isfinite(g->planned_us) && g->n)
-			snprintf(from, sizeof(from), "%+.1f", wrap(g->mean_us - g->planned_us, e->cycle_us));
-		if (g->most_us - g->least_us > e->cycle_us / 4)
+			snprintf(from, sizeof(from), "%+.1f", bb_phase_off_us(e, g));
+		if (bb_phase_loose(e, g))
 			fprintf(out, "%-32s %8zu %10s %16s  all over the cycle: not locked\n", name, g->n, "", "");
 		else if (g->n)
 			fprintf(out, "%-32s %8zu %10.1f %+7.1f %+7.1f %13s\n", name, g->n, g->mean_us, g->least_us,

@@ -19,7 +19,7 @@ struct bb_phase_group { /* all edges of one track, eye and event */
 	char track[BB_PHASE_TEXT], event[16];
 	enum bb_eye eye;
 	size_t n;
-	double mean_us;        /* in the cycle, 0 .. 2 T after the left eye's edge */
+	double mean_us;        /* 0 .. 2 T after the left eye's edge; without an eye 0 .. T after any edge */
 	double least_us, most_us; /* about the mean: the earliest and the latest */
 	double planned_us;     /* where the plan has it; NAN: it does not say */
 };
@@ -36,6 +36,9 @@ struct bb_phase_edges {
 BB_MUST_CHECK enum bb_status bb_phase_edges_read(const char *path, const struct bb_room *room,
                                                  const struct bb_plan *plan, struct bb_phase_edges *out,
                                                  struct bb_error *err);
+/* Spread over so much of the cycle that a mean says nothing. */
+bool bb_phase_loose(const struct bb_phase_edges *e, const struct bb_phase_group *g);
+double bb_phase_off_us(const struct bb_phase_edges *e, const struct bb_phase_group *g); /* measured less planned */
 void bb_phase_edges_print(const struct bb_phase_edges *e, FILE *out);
 struct json_t *bb_phase_edges_json(const struct bb_phase_edges *e);
 
