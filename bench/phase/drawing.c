@@ -144,11 +144,11 @@ static void pictures(const struct page *p, const struct bb_display_config *d, do
 		pen_line(p->cr, (struct pen_point){ x_of(p, at + top), y },
 		         (struct pen_point){ x_of(p, at + bottom), y + PICTURE }, 0.8, pen_alpha(pen_ink, 0.6));
 	}
-	for (int k = -1; k <= 2; k++) {
+	for (int k = 0; k < 2; k++) {
 		if (d->kind == BB_DISPLAY_STROBED)
-			bar(p, k * T + d->strobe_at_us + d->strobe_us, T - d->strobe_us, y, PICTURE, pen_alpha(night, 0.4));
+			bar(p, k * T + d->strobe_at_us + d->strobe_us, T - d->strobe_us, y, PICTURE, night);
 		else if (d->dark_us > 0)
-			bar(p, k * T + vblank - d->dark_us, d->dark_us, y, PICTURE, pen_alpha(night, 0.4));
+			bar(p, k * T + vblank - d->dark_us, d->dark_us, y, PICTURE, night);
 	}
 }
 
@@ -439,8 +439,8 @@ static void paint_trade(cairo_t *cr, void *ctx)
 	pen_set(cr, pen_paper);
 	cairo_paint(cr);
 	pen_text(cr, (struct pen_point){ 24, 26 }, PEN_LEFT, 16, true, pen_ink, "%s: crosstalk against light", p->room->name);
-	pen_text(cr, (struct pen_point){ 24, 47 }, PEN_LEFT, 11, false, pen_grey,
-	         "the brightest timing for each limit; below %.3g %% nothing goes", p->trade->least_percent);
+	pen_text(cr, (struct pen_point){ 24, 47 }, PEN_LEFT, 11, false, pen_grey, "below %.3g %% nothing goes",
+	         p->trade->least_percent);
 	chart_draw(cr, &p->chart, 14, 64, 700, 430);
 }
 
@@ -456,7 +456,7 @@ enum bb_status bb_phase_draw_trade(const struct bb_room *room, const struct bb_p
 	}
 	p.series = (struct chart_series){ .colour = eye_colour[0], .x = p.x, .y = p.y, .n = trade->n, .width = 1.3,
 		                          .mark = CHART_DOT };
-	p.chart = (struct chart){ .x_title = "light of the darkest rows, %", .y_title = "crosstalk of the worst rows, %",
-		                  .y_scale = CHART_DECADES, .series = &p.series, .n_series = 1 };
+	p.chart = (struct chart){ .title = "The brightest timing for each limit", .x_title = "light of the darkest rows, %",
+		                  .y_title = "crosstalk of the worst rows, %", .series = &p.series, .n_series = 1 };
 	return bb_page_write(&page, file, err);
 }
