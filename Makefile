@@ -187,6 +187,10 @@ bench-volume: all
 # One virtual hour of the 416-monitor room, twice: CPU seconds (at most 60), memory, the hash of its event log.
 bench-hour: all
 	BB_PROGRAM=$(PROGRAM) tests/hour.sh
+# The phase plan against every delay and opening of 1 us: half a minute.
+bench-plan:
+	@$(MAKE) --no-print-directory B=build/plan-1us CFLAGS='-g -DBRUTE_STRIDE=1' build/plan-1us/tests/test_plan
+	@build/plan-1us/tests/test_plan
 
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
@@ -244,6 +248,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help bench-barrier bench-posix
+        bench bench-volume bench-hour bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help bench-barrier bench-posix bench-plan
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

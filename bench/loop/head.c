@@ -237,7 +237,7 @@ void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, u
 		blame_late_node(l, f, waited, now_ns);
 	}
 	bb_eventlog_add(l->events, barrier_source(l), BB_EV_RELEASE, now_ns, (int64_t)r->frame, (int64_t)r->missing);
-	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)bb_loop_head(l), now_ns, (int32_t)r->frame);
+	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)bb_loop_head(l), now_ns, (int32_t)r->frame, 0);
 }
 
 void bb_head_begin_next(struct bb_frame_loop *l, int64_t now_ns)

@@ -317,26 +317,28 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 /* ---- running ---- */
 
 /* A phase the hardware has fixed is measured instead of set. */
-static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, int64_t delay_ns)
+static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, double delay_us, double duty)
 {
-	const enum bb_status status = bb_shutter_set_phase(sh, stage, delay_ns, 500000);
+	const enum bb_status status =
+		bb_shutter_set_phase(sh, stage, (int64_t)(delay_us * 1e3), (uint32_t)(duty * 1e6));
 
 	return status == BB_ERR_UNSUPPORTED ? BB_OK : status;
 }
 
-/* Projector shutters switch with the glasses: every stage gets the emitter's delay. */
+/* As the room says, which is what `blackburst phase` plans: shutters before projectors, and the glasses. */
 static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
 	const struct bb_shutter_config *c = &l->room->chain;
-	const int64_t delay_ns = (int64_t)(c->emitter_offset_us * 1e3);
+	const double glasses = 1 - c->token_gap_us * 1e-6 * bb_rate_hz(c->rate);
 	enum bb_status status = BB_OK;
 
 	if (!l->rig->shutter)
 		return BB_OK;
+	l->phase.planned_ns = (int64_t)((c->shutter_delay_us - c->emitter_offset_us) * 1e3);
 	for (uint8_t i = 0; i < c->n_stages && status == BB_OK; i++)
-		status = set_phase(l->rig->shutter, i, delay_ns);
+		status = set_phase(l->rig->shutter, i, c->shutter_delay_us, c->shutter_duty_percent / 100);
 	if (status == BB_OK)
-		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, delay_ns);
+		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, c->emitter_offset_us, glasses);
 	if (status == BB_OK)
 		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
 	return status;
