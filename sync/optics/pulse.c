@@ -199,7 +199,7 @@ static double improve(const struct bins *b, const struct bb_pulse_task *t, doubl
 		for (int tries = 0; tries < 8 && !better; tries++) {
 			double u[N];
 			memcpy(u, v, sizeof(u));
-			const double now = damped_step(a, g, damping, u) ? misfit(b, u, t) : INFINITY;
+			const double now = damped_step(a, g, damping, u) ? misfit(b, u, t) : (double)INFINITY;
 			better = now < best;
 			damping = better ? fmax(damping / 8, 1e-9) : damping * 6;
 			if (better) {
