@@ -31,57 +31,7 @@ const struct sim_edid_model *sim_edid_model(const char *name)
 	return &models[BB_ARRAY_LEN(models) - 1];
 }
 
-/* CVT tells the aspect ratio by the width of the vertical sync. */
-static int vsync_lines(int width, int height)
-{
-	static const struct {
-		int x, y, lines;
-	} known[] = { { 4, 3, 4 }, { 16, 9, 5 }, { 16, 10, 6 }, { 5, 4, 7 }, { 15, 9, 7 } };
-
-	for (size_t i = 0; i < BB_ARRAY_LEN(known); i++)
-		if (height * known[i].x / known[i].y / 8 * 8 == width)
-			return known[i].lines;
-	return 10;
-}
-
-enum bb_status sim_timing_cvt_rb(int width_px, int height_px, struct bb_rate rate, struct sim_timing *out)
-{
-	const double least_vblank_us = 460, clock_step_khz = 250;
-	const int least_back_lines = 6;
-
-	if (width_px < 64 || width_px > 4095 || height_px < 64 || height_px > 4095 || !rate.num || !rate.den)
-		return BB_ERR_RANGE;
-	const double hz = bb_rate_hz(rate);
-	if (!(hz >= 10 && hz <= 1000))
-		return BB_ERR_RANGE;
-	struct sim_timing t = { .width = width_px, .height = height_px, .h_blank = 160, .h_front = 48, .h_sync = 32,
-		                .v_front = 3, .v_sync = vsync_lines(width_px, height_px) };
-	const double line_us = (1e6 / hz - least_vblank_us) / height_px;
-	if (!(line_us > 0))
-		return BB_ERR_RANGE;
-	const int least_lines = t.v_front + t.v_sync + least_back_lines;
-	t.v_blank = (int)fmin(floor(least_vblank_us / line_us) + 1, 4095);
-	if (t.v_blank < least_lines)
-		t.v_blank = least_lines;
-	const double khz = hz * (t.height + t.v_blank) * (t.width + t.h_blank) / 1e3;
-	t.clock_khz = (int64_t)(floor(khz / clock_step_khz) * clock_step_khz);
-	if (t.clock_khz < 10000 || t.clock_khz > 655350 || t.v_blank >= 4095)
-		return BB_ERR_RANGE;
-	*out = t;
-	return BB_OK;
-}
-
-double sim_timing_line_hz(const struct sim_timing *t)
-{
-	return (double)t->clock_khz * 1e3 / (t->width + t->h_blank);
-}
-
-double sim_timing_rate_hz(const struct sim_timing *t)
-{
-	return sim_timing_line_hz(t) / (t->height + t->v_blank);
-}
-
-static void put_dtd(uint8_t d[18], const struct sim_timing *t, const struct sim_edid_spec *spec)
+static void put_dtd(uint8_t d[18], const struct bb_cvt *t, const struct sim_edid_spec *spec)
 {
 	const int w_mm = spec->model->width_mm, h_mm = spec->model->height_mm;
 	const int clock = (int)(t->clock_khz / 10);
@@ -124,9 +74,9 @@ static uint8_t at_least(double value, double least)
 	return (uint8_t)fmin(255, ceil(fmax(value, least)));
 }
 
-static void put_ranges(uint8_t d[18], const struct sim_timing *t)
+static void put_ranges(uint8_t d[18], const struct bb_cvt *t)
 {
-	const double hz = sim_timing_rate_hz(t), line_khz = sim_timing_line_hz(t) / 1e3;
+	const double hz = bb_cvt_rate_hz(t), line_khz = bb_cvt_line_hz(t) / 1e3;
 
 	memset(d, 0, 18);
 	d[3] = 0xFD;
@@ -191,7 +141,7 @@ static bool is_srgb(const struct sim_edid_model *m)
 	return true;
 }
 
-static void put_base(uint8_t *b, const struct sim_edid_spec *spec, const struct sim_timing *t)
+static void put_base(uint8_t *b, const struct sim_edid_spec *spec, const struct bb_cvt *t)
 {
 	char text[16];
 
@@ -228,8 +178,8 @@ static void put_cta(uint8_t *b)
 
 enum bb_status sim_edid_make(const struct sim_edid_spec *spec, uint8_t out[SIM_EDID_MAX_BYTES], size_t *n_out)
 {
-	struct sim_timing t;
-	const enum bb_status status = sim_timing_cvt_rb(spec->width_px, spec->height_px, spec->rate, &t);
+	struct bb_cvt t;
+	const enum bb_status status = bb_cvt_rb(spec->width_px, spec->height_px, spec->rate, &t);
 
 	*n_out = 0;
 	if (status != BB_OK)

@@ -5,6 +5,7 @@
 #ifndef BB_SIM_EDID_MODEL_H
 #define BB_SIM_EDID_MODEL_H
 
+#include "hal/cvt.h"
 #include "hal/rate.h"
 #include "hal/status.h"
 
@@ -34,17 +35,6 @@ struct sim_edid_spec {
 	uint32_t serial;       /* below 10^7: it also fills the serial text */
 	bool stereo;           /* field sequential, left image while stereo sync is 1 */
 };
-
-struct sim_timing { /* of one detailed timing descriptor */
-	int width, height;     /* active, px */
-	int h_blank, h_front, h_sync, v_blank, v_front, v_sync;
-	int64_t clock_khz;
-};
-/* BB_ERR_RANGE when the mode does not fit an 18-byte descriptor (4095 x 4095 px, 655.35 MHz). */
-BB_MUST_CHECK enum bb_status sim_timing_cvt_rb(int width_px, int height_px, struct bb_rate rate,
-                                               struct sim_timing *out);
-double sim_timing_rate_hz(const struct sim_timing *t);
-double sim_timing_line_hz(const struct sim_timing *t);
 
 #define SIM_EDID_MAX_BYTES 256
 /* Writes 128 or 256 bytes. */

@@ -357,7 +357,7 @@ void peer_ddcci_stop(struct peer_ddcci *p)
 
 /* ---- life ---- */
 
-static enum bb_status make_edid(struct peer_ddcci *p, struct sim_timing *timing)
+static enum bb_status make_edid(struct peer_ddcci *p, struct bb_cvt *timing)
 {
 	const struct bb_monitor_config *c = &p->config;
 	struct sim_rng rng;
@@ -379,14 +379,14 @@ static enum bb_status make_edid(struct peer_ddcci *p, struct sim_timing *timing)
 	const enum bb_status status = sim_edid_make(&spec, p->edid, &p->edid_bytes);
 	if (status != BB_OK)
 		return status;
-	return sim_timing_cvt_rb(spec.width_px, spec.height_px, spec.rate, timing);
+	return bb_cvt_rb(spec.width_px, spec.height_px, spec.rate, timing);
 }
 
 enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct sim_world *world, uint64_t seed,
 				 int64_t now_ns, struct peer_ddcci **out)
 {
 	struct peer_ddcci *p = calloc(1, sizeof(*p));
-	struct sim_timing timing;
+	struct bb_cvt timing;
 
 	*out = NULL;
 	if (!p)
@@ -402,7 +402,7 @@ enum bb_status peer_ddcci_create(const struct bb_monitor_config *config, struct 
 		return BB_ERR_CONFIG;
 	}
 	const uint16_t input = config->input > 0 && config->input < 256 ? (uint16_t)config->input : VCP_INPUT_DP1;
-	vcp_init(&p->vcp, input, sim_timing_line_hz(&timing), sim_timing_rate_hz(&timing),
+	vcp_init(&p->vcp, input, bb_cvt_line_hz(&timing), bb_cvt_rate_hz(&timing),
 		 500 + (uint32_t)(sim_rng_u64(&p->rng) % 15000));
 	p->capabilities_bytes = vcp_text(p->model->shown, p->capabilities, sizeof(p->capabilities));
 	p->fed = !peer_ddcci_on_outlet(p) || sim_world_fed(world, config->outlet);

@@ -333,7 +333,7 @@ static const struct sim_option options[] = {
 	{ NULL, 0, 0, 0 },
 };
 
-static enum bb_status make_edid(struct sim_monitor *sm, struct sim_timing *timing)
+static enum bb_status make_edid(struct sim_monitor *sm, struct bb_cvt *timing)
 {
 	const struct bb_monitor_config *c = &sm->base.config;
 	struct sim_rng rng;
@@ -352,7 +352,7 @@ static enum bb_status make_edid(struct sim_monitor *sm, struct sim_timing *timin
 	if (c->rate.num && c->rate.den)
 		spec.rate = c->rate;
 	if (sim_edid_make(&spec, sm->edid, &sm->edid_bytes) != BB_OK ||
-	    sim_timing_cvt_rb(spec.width_px, spec.height_px, spec.rate, timing) != BB_OK)
+	    bb_cvt_rb(spec.width_px, spec.height_px, spec.rate, timing) != BB_OK)
 		return bb_device_fail(&sm->base.dev, BB_ERR_CONFIG, "open", "%d x %d at %.3f Hz fits no EDID timing",
 		                      spec.width_px, spec.height_px, bb_rate_hz(spec.rate));
 	sm->corrupt_at = 8 + sim_rng_u64(&rng) % 100;
@@ -377,7 +377,7 @@ static enum bb_status start(struct sim_monitor *sm)
 static enum bb_status sim_open(struct bb_monitor *m, const struct bb_open *open)
 {
 	struct sim_monitor *sm = of(m);
-	struct sim_timing timing;
+	struct bb_cvt timing;
 
 	if (!open->world)
 		return BB_ERR_USAGE;
@@ -402,7 +402,7 @@ static enum bb_status sim_open(struct bb_monitor *m, const struct bb_open *open)
 			                                .most_request_ns = MOST_REQUEST_NS,
 			                                .most_tries = MOST_TRIES };
 	sm->cabled_input = m->config.input > 0 && m->config.input < 256 ? (uint16_t)m->config.input : VCP_INPUT_DP1;
-	vcp_init(&sm->vcp, sm->cabled_input, sim_timing_line_hz(&timing), sim_timing_rate_hz(&timing),
+	vcp_init(&sm->vcp, sm->cabled_input, bb_cvt_line_hz(&timing), bb_cvt_rate_hz(&timing),
 	         500 + (uint32_t)(sim_rng_u64(&sm->rng) % 15000));
 	sm->text_bytes = vcp_text(sm->model->shown, sm->reply.text, sizeof(sm->reply.text));
 	status = start(sm);

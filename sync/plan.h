@@ -11,7 +11,7 @@
  *    for the other. A dlp is dark for dark_us before that instant; a strobed display shines in its strobe only.
  *  - A lens opens at glasses_at and closes at glasses_at + glasses_open; a cell lets through
  *    transmission (1/contrast + (1 - 1/contrast) x), x following the same laws, in its steady state.
- *  - Dual projectors shine all the time (but for a dlp's dark time, averaged when it is not genlocked); one projector's
+ *  - Dual projectors shine all the time (dark time and strobe are averaged: nothing ties them to the edges); one projector's
  *    shutter opens at shutter_at for shutter_open in the cycle of its eye.
  * Light: 100 % is a white picture seen all the time by a bare eye. Crosstalk: leakage over signal with the black level
  * removed (A. Woods, J. Electron. Imaging 21(4) 040902, 2012), means over the band; of this model never negative, of
@@ -43,8 +43,8 @@ struct bb_plan_band {
 	 * to <= from: there is no such moment, by so much. */
 	int64_t window_from_ns, window_to_ns;
 	struct bb_plan_light light;
-	/* From the window's begin to the lens's opening; from the lens closed (within the limit) to the window's end.
-	 * Below 0 the neighbouring picture is seen for so long. */
+	/* From the other eye's last light to the lens's opening; from the lens closed (within the limit) to the other eye's
+	 * next light. Below 0 the neighbour is seen for so long: some of it the limit may allow. */
 	double margin_before_us, margin_after_us;
 };
 

@@ -84,13 +84,13 @@ static void test_generated(void **state)
 								    (uint32_t)n * 977,
 								    n % 3 == 0 };
 				uint8_t b[SIM_EDID_MAX_BYTES];
-				struct sim_timing t;
+				struct bb_cvt t;
 				struct edid_info e;
 				size_t bytes;
 				if (sim_edid_make(&spec, b, &bytes) != BB_OK)
 					continue;
 				n++;
-				assert_int_equal(sim_timing_cvt_rb(width, height, spec.rate, &t), BB_OK);
+				assert_int_equal(bb_cvt_rb(width, height, spec.rate, &t), BB_OK);
 				assert_int_equal(edid_parse(b, bytes, &e), BB_OK);
 				assert_string_equal(e.maker, spec.model->maker);
 				assert_string_equal(e.name, spec.model->shown);

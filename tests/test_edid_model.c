@@ -57,12 +57,12 @@ static void test_cvt_rb(void **state)
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(known); i++) {
 		const struct bb_rate rate = { (uint32_t)known[i].hz, 1 };
-		struct sim_timing t;
-		assert_int_equal(sim_timing_cvt_rb(known[i].width, known[i].height, rate, &t), BB_OK);
+		struct bb_cvt t;
+		assert_int_equal(bb_cvt_rb(known[i].width, known[i].height, rate, &t), BB_OK);
 		assert_int_equal(t.clock_khz, known[i].clock_khz);
 		assert_int_equal(t.v_blank, known[i].v_blank);
 		assert_int_equal(t.v_sync, known[i].v_sync);
-		assert_true(fabs(sim_timing_rate_hz(&t) - known[i].hz) < 0.11);
+		assert_true(fabs(bb_cvt_rate_hz(&t) - known[i].hz) < 0.11);
 	}
 }
 
@@ -131,10 +131,10 @@ static void test_refusals(void **state)
 		{ 1920, 1080, { 60, 0 } },  { 1920, 1080, { 2000, 1 } }, { 3840, 2160, { 120, 1 } },
 		{ 1920, 1080, { 1, 1000 } }, { INT32_MAX, INT32_MAX, { UINT32_MAX, 1 } },
 	};
-	struct sim_timing t;
+	struct bb_cvt t;
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(bad); i++)
-		assert_int_equal(sim_timing_cvt_rb(bad[i].width, bad[i].height, bad[i].rate, &t), BB_ERR_RANGE);
+		assert_int_equal(bb_cvt_rb(bad[i].width, bad[i].height, bad[i].rate, &t), BB_ERR_RANGE);
 }
 
 static void test_models(void **state)

@@ -109,7 +109,7 @@ static enum bb_status read_comment(struct bb_recorded *r, char *line, struct bb_
 
 	if (r->line_no == 1 && !strcmp(line, MAGIC))
 		return BB_OK;
-	if (r->headed || !colon || strchr(key, ' ') < colon) /* words for people: no key has a blank */
+	if (r->headed || key[strcspn(key, " :")] != ':') /* words for people: no key has a blank */
 		return BB_OK;
 	*colon = '\0';
 	return read_key(r, key, colon + 1 + strspn(colon + 1, " "), err);
