@@ -33,6 +33,7 @@ struct bb_recording { /* all that is known before the first sample */
 	struct bb_rate rate;     /* nominal eye changes per second: two make a cycle */
 	double bandwidth_hz;     /* of the sensor, first order; 0: as good as endless */
 	double aperture_us;      /* exposure of a camera around its stamp; 0: none */
+	double fps_hz, first_s;  /* of pictures: how many a second, and the middle of the first one's exposure */
 	size_t n_shows, n_channels;
 	struct bb_show show[BB_SHOWS_MAX]; /* ascending, apart */
 	struct bb_channel channel[BB_CHANNELS_MAX];

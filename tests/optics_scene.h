@@ -123,7 +123,7 @@ static inline struct optics_scene *scene_record(const struct bb_room *room, cons
 	struct optics_scene *s = calloc(1, sizeof(*s));
 	struct sim_diodes *d = calloc(1, sizeof(*d));
 	struct sim_optics *o;
-	bool tag = false;
+	struct sim_look look = sim_look_bands();
 
 	assert_non_null(s);
 	assert_non_null(d);
@@ -131,8 +131,8 @@ static inline struct optics_scene *scene_record(const struct bb_room *room, cons
 	s->truth = *truth;
 	scene_shows(s);
 	for (size_t i = 0; names[i]; i++)
-		tag |= strstr(names[i], ".tag.") != NULL;
-	assert_int_equal(sim_optics_create(room, screens, SCENE_SCREENS, tag, &o), BB_OK);
+		look.tag |= strstr(names[i], ".tag.") != NULL;
+	assert_int_equal(sim_optics_create(room, screens, SCENE_SCREENS, &look, &o), BB_OK);
 	sim_diodes_init(d, &truth->diode, o, truth->seed, 0);
 	for (size_t i = 0; names[i]; i++)
 		scene_channel(s, d, names[i], strncmp(names[i], room->walls[1].id, strlen(room->walls[1].id)) == 0);

@@ -7,13 +7,11 @@
 #include "sim/optics/light.h"
 
 #define SCREENS 32
-#define SPREAD 0.005 /* of the display's height: what a photodiode with a tube sees of it */
-#define SPOTS 4      /* three bands and the tag */
 
 struct projector {
 	bool shuttered;
 	enum bb_eye eye;                    /* of the pair; NONE: shows both in turn */
-	struct sim_patch patch[SIM_LANES][BB_BANDS];
+	struct sim_patch patch[SIM_LANES][SIM_HEIGHTS];
 	struct sim_patch tag;
 	struct sim_cell shutter;
 };
@@ -23,12 +21,12 @@ struct screen {
 	unsigned n_projectors;
 	struct projector projector[2];
 	uint64_t cycle;                     /* counts for the tag */
-	double bare[SIM_LANES][SPOTS];
+	double bare[SIM_LANES][SIM_HEIGHTS], tag;
 };
 struct sim_optics {
-	const struct bb_shutter_config *chain;
-	bool with_tag;
+	struct sim_look look;
 	int64_t edge_ns;                    /* nominal, of an edge period */
+	int64_t glasses_ns, shutter_ns;     /* open after their edge */
 	int64_t now_ns;
 	bool begun;
 	enum bb_pattern pattern[SIM_LANES];
@@ -46,9 +44,13 @@ static int stage_of(const struct bb_room *room, const struct bb_screen *s)
 	return -1;
 }
 
-static void init_screen(struct screen *s, const struct bb_room *room, size_t index)
+struct sim_look sim_look_bands(void)
 {
-	static const double height[BB_BANDS] = { 0, 0.5, 1 };
+	return (struct sim_look){ .n_heights = BB_BANDS, .height = { 0, 0.5, 1 }, .spread = 0.005, .lanes = 1 };
+}
+
+static void init_screen(struct screen *s, const struct bb_room *room, size_t index, const struct sim_look *look)
+{
 	const struct bb_screen *from = &room->screens[index];
 	const bool pair = from->display.stereo == BB_STEREO_DUAL_PROJECTOR;
 
@@ -60,32 +62,33 @@ static void init_screen(struct screen *s, const struct bb_room *room, size_t ind
 		p->eye = !pair ? BB_EYE_NONE : i ? BB_EYE_RIGHT : BB_EYE_LEFT;
 		p->shuttered = pair && s->stage >= 0;
 		sim_cell_init(&p->shutter, &room->chain.cell);
-		sim_patch_init(&p->tag, s->display, 1, SPREAD);
-		for (int lane = 0; lane < SIM_LANES; lane++)
-			for (int band = 0; band < BB_BANDS; band++)
-				sim_patch_init(&p->patch[lane][band], s->display, height[band], SPREAD);
+		sim_patch_init(&p->tag, s->display, 1, look->spread);
+		for (unsigned lane = 0; lane < look->lanes; lane++)
+			for (size_t h = 0; h < look->n_heights; h++)
+				sim_patch_init(&p->patch[lane][h], s->display, look->height[h], look->spread);
 	}
 }
 
-enum bb_status sim_optics_create(const struct bb_room *room, const size_t *screens, size_t n, bool with_tag,
+enum bb_status sim_optics_create(const struct bb_room *room, const size_t *screens, size_t n, const struct sim_look *look,
                                  struct sim_optics **out)
 {
 	*out = NULL;
-	if (n > SCREENS || !room->has_chain)
+	if (n > SCREENS || !room->has_chain || look->n_heights > SIM_HEIGHTS || look->lanes > SIM_LANES)
 		return BB_ERR_UNSUPPORTED;
 	struct sim_optics *o = calloc(1, sizeof(*o));
 	if (!o)
 		return BB_ERR_NOMEM;
-	o->chain = &room->chain;
-	o->with_tag = with_tag;
+	o->look = *look;
 	o->edge_ns = bb_rate_period_ns(room->chain.rate);
+	sim_optics_set_open(o, (double)o->edge_ns * 1e-3 - room->chain.token_gap_us,
+	                    (double)o->edge_ns * 1e-3 * room->chain.shutter_duty_percent / 100);
 	o->n_screens = n;
 	for (int lane = 0; lane < SIM_LANES; lane++)
 		o->pattern[lane] = BB_PATTERN_BLACK_BLACK;
 	for (int eye = 0; eye < 2; eye++)
 		sim_cell_init(&o->lens[eye], &room->chain.glasses);
 	for (size_t i = 0; i < n; i++)
-		init_screen(&o->screen[i], room, screens[i]);
+		init_screen(&o->screen[i], room, screens[i], look);
 	*out = o;
 	return BB_OK;
 }
@@ -93,6 +96,12 @@ enum bb_status sim_optics_create(const struct bb_room *room, const size_t *scree
 void sim_optics_destroy(struct sim_optics *o)
 {
 	free(o);
+}
+
+void sim_optics_set_open(struct sim_optics *o, double glasses_us, double shutter_us)
+{
+	o->glasses_ns = llround(glasses_us * 1e3);
+	o->shutter_ns = llround(shutter_us * 1e3);
 }
 
 void sim_optics_show(struct sim_optics *o, unsigned lane, enum bb_pattern pattern)
@@ -120,18 +129,16 @@ static void drive_pair(struct sim_cell *left, struct sim_cell *right, enum bb_ey
 void sim_optics_edge(struct sim_optics *o, const struct bb_shutter_edge *e)
 {
 	const enum bb_eye eye = (enum bb_eye)e->eye;
-	const int64_t gap_ns = llround(o->chain->token_gap_us * 1e3);
-	const double duty = o->chain->shutter_duty_percent / 100;
 
 	if (e->stage == BB_STAGE_EMITTER) {
-		drive_pair(&o->lens[0], &o->lens[1], eye, e->at_ns, o->edge_ns - gap_ns, gap_ns > 0);
+		drive_pair(&o->lens[0], &o->lens[1], eye, e->at_ns, o->glasses_ns, o->glasses_ns < o->edge_ns);
 		return;
 	}
 	for (size_t i = 0; i < o->n_screens; i++) {
 		struct screen *s = &o->screen[i];
 		if (s->stage == e->stage && s->projector[0].shuttered)
-			drive_pair(&s->projector[0].shutter, &s->projector[1].shutter, eye, e->at_ns,
-			           llround((double)o->edge_ns * duty), duty < 1);
+			drive_pair(&s->projector[0].shutter, &s->projector[1].shutter, eye, e->at_ns, o->shutter_ns,
+			           o->shutter_ns < o->edge_ns);
 	}
 }
 
@@ -145,9 +152,9 @@ void sim_optics_frame(struct sim_optics *o, size_t screen, int64_t vblank_ns, en
 		struct projector *p = &s->projector[i];
 		const enum bb_eye shown = p->eye ? p->eye : eye;
 		sim_patch_frame(&p->tag, vblank_ns, bb_tag_light(s->cycle, shown));
-		for (int lane = 0; lane < SIM_LANES; lane++)
-			for (int band = 0; band < BB_BANDS; band++)
-				sim_patch_frame(&p->patch[lane][band], vblank_ns, bb_pattern_light(o->pattern[lane], shown));
+		for (unsigned lane = 0; lane < o->look.lanes; lane++)
+			for (size_t h = 0; h < o->look.n_heights; h++)
+				sim_patch_frame(&p->patch[lane][h], vblank_ns, bb_pattern_light(o->pattern[lane], shown));
 	}
 }
 
@@ -157,9 +164,9 @@ void sim_optics_vblank(struct sim_optics *o, size_t screen, int64_t vblank_ns)
 
 	for (unsigned i = 0; i < s->n_projectors; i++) {
 		sim_patch_vblank(&s->projector[i].tag, vblank_ns);
-		for (int lane = 0; lane < SIM_LANES; lane++)
-			for (int band = 0; band < BB_BANDS; band++)
-				sim_patch_vblank(&s->projector[i].patch[lane][band], vblank_ns);
+		for (unsigned lane = 0; lane < o->look.lanes; lane++)
+			for (size_t h = 0; h < o->look.n_heights; h++)
+				sim_patch_vblank(&s->projector[i].patch[lane][h], vblank_ns);
 	}
 }
 
@@ -168,14 +175,15 @@ void sim_optics_vblank(struct sim_optics *o, size_t screen, int64_t vblank_ns)
 static void step_screen(const struct sim_optics *o, struct screen *s, int64_t to_ns)
 {
 	memset(s->bare, 0, sizeof(s->bare));
+	s->tag = 0;
 	for (unsigned i = 0; i < s->n_projectors; i++) {
 		struct projector *p = &s->projector[i];
 		const double through = p->shuttered ? sim_cell_step(&p->shutter, o->now_ns, to_ns) : 1;
-		for (int lane = 0; lane < SIM_LANES; lane++)
-			for (int band = 0; band < BB_BANDS; band++)
-				s->bare[lane][band] += through * sim_patch_step(&p->patch[lane][band], o->now_ns, to_ns);
-		if (o->with_tag)
-			s->bare[0][BB_SPOT_TAG] += through * sim_patch_step(&p->tag, o->now_ns, to_ns);
+		for (unsigned lane = 0; lane < o->look.lanes; lane++)
+			for (size_t h = 0; h < o->look.n_heights; h++)
+				s->bare[lane][h] += through * sim_patch_step(&p->patch[lane][h], o->now_ns, to_ns);
+		if (o->look.tag)
+			s->tag += through * sim_patch_step(&p->tag, o->now_ns, to_ns);
 	}
 }
 
@@ -198,7 +206,12 @@ double sim_optics_lens(const struct sim_optics *o, enum bb_eye eye)
 	return o->lens_light[eye == BB_EYE_RIGHT];
 }
 
-double sim_optics_bare(const struct sim_optics *o, size_t screen, enum bb_spot spot, unsigned lane)
+double sim_optics_bare(const struct sim_optics *o, size_t screen, size_t height, unsigned lane)
 {
-	return o->screen[screen].bare[lane][spot];
+	return o->screen[screen].bare[lane][height];
+}
+
+double sim_optics_tag(const struct sim_optics *o, size_t screen)
+{
+	return o->screen[screen].tag;
 }

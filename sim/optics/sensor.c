@@ -6,14 +6,22 @@
 #define STEP_NS 2000
 #define TURN 6.283185307179586
 
-static double light_of(const struct sim_optics *o, size_t screen, uint8_t spot, uint8_t lens)
+static double through(const struct sim_optics *o, uint8_t lens)
 {
-	const double through = lens == BB_LENS_BARE ? 1 : sim_optics_lens(o, lens == BB_LENS_LEFT ? BB_EYE_LEFT : BB_EYE_RIGHT);
-
-	return through * (spot == BB_SPOT_LAMP ? 1 : sim_optics_bare(o, screen, (enum bb_spot)spot, 0));
+	return lens == BB_LENS_BARE ? 1 : sim_optics_lens(o, lens == BB_LENS_LEFT ? BB_EYE_LEFT : BB_EYE_RIGHT);
 }
 
 /* ---- photodiodes ---- */
+
+static double light_on(const struct sim_optics *o, const struct sim_diode *d)
+{
+	const uint8_t spot = d->channel.spot;
+	const double light = spot == BB_SPOT_LAMP  ? 1
+	                     : spot == BB_SPOT_TAG ? sim_optics_tag(o, d->screen)
+	                                           : sim_optics_bare(o, d->screen, spot, 0);
+
+	return through(o, d->channel.lens) * light;
+}
 
 struct sim_diode_config sim_diode_default(void)
 {
@@ -59,7 +67,7 @@ int64_t sim_diodes_sample(struct sim_diodes *d, double *volts)
 		sim_optics_step(d->optics, to_ns);
 		for (size_t k = 0; k < d->n_diodes; k++) {
 			struct sim_diode *di = &d->diode[k];
-			const double light = light_of(d->optics, di->screen, di->channel.spot, di->channel.lens);
+			const double light = light_on(d->optics, di);
 			di->level = light + (di->level - light) * keep;
 		}
 	}
@@ -91,6 +99,15 @@ int64_t sim_eye_camera_next_ns(const struct sim_eye_camera *c)
 	return c->begin_ns + llround((double)(c->n + 1) * 1e9 / c->config.rate_hz);
 }
 
+struct sim_look sim_look_camera(void)
+{
+	struct sim_look look = { .n_heights = SIM_CAMERA_HEIGHT, .spread = 1.0 / SIM_CAMERA_HEIGHT, .lanes = 1 };
+
+	for (size_t y = 0; y < SIM_CAMERA_HEIGHT; y++)
+		look.height[y] = ((double)y + 0.5) / SIM_CAMERA_HEIGHT;
+	return look;
+}
+
 static uint8_t grey_of(struct sim_eye_camera *c, double level)
 {
 	const double grey = level * c->config.white * c->config.gain;
@@ -103,20 +120,20 @@ static uint8_t grey_of(struct sim_eye_camera *c, double level)
 int64_t sim_eye_camera_expose(struct sim_eye_camera *c, uint8_t grey[SIM_CAMERA_HEIGHT * SIM_CAMERA_WIDTH])
 {
 	const int64_t end_ns = sim_eye_camera_next_ns(c), open_ns = end_ns - llround(c->config.exposure_us * 1e3);
-	double sum[BB_BANDS] = { 0 };
+	double sum[SIM_CAMERA_HEIGHT] = { 0 };
 	int64_t at_ns = open_ns, to_ns;
 
 	sim_optics_step(c->optics, open_ns); /* the light between two exposures is not seen */
 	for (; at_ns < end_ns; at_ns = to_ns) {
 		to_ns = at_ns + STEP_NS < end_ns ? at_ns + STEP_NS : end_ns;
 		sim_optics_step(c->optics, to_ns);
-		for (uint8_t band = 0; band < BB_BANDS; band++)
-			sum[band] += light_of(c->optics, c->screen, band, (uint8_t)c->lens) * (double)(to_ns - at_ns);
+		const double seen = through(c->optics, (uint8_t)c->lens) * (double)(to_ns - at_ns);
+		for (size_t y = 0; y < SIM_CAMERA_HEIGHT; y++)
+			sum[y] += sim_optics_bare(c->optics, c->screen, y, 0) * seen;
 	}
-	for (int y = 0; y < SIM_CAMERA_HEIGHT; y++)
-		for (int x = 0; x < SIM_CAMERA_WIDTH; x++)
-			grey[y * SIM_CAMERA_WIDTH + x] =
-				grey_of(c, sum[y * BB_BANDS / SIM_CAMERA_HEIGHT] / (double)(end_ns - open_ns));
+	for (size_t y = 0; y < SIM_CAMERA_HEIGHT; y++)
+		for (size_t x = 0; x < SIM_CAMERA_WIDTH; x++)
+			grey[y * SIM_CAMERA_WIDTH + x] = grey_of(c, sum[y] / (double)(end_ns - open_ns));
 	c->n++;
 	return open_ns + (end_ns - open_ns) / 2;
 }

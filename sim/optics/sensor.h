@@ -60,11 +60,12 @@ struct sim_eye_camera {
 	uint64_t n;
 };
 #define SIM_CAMERA_WIDTH 16
-#define SIM_CAMERA_HEIGHT 24
+#define SIM_CAMERA_HEIGHT 20 /* rows, each of which sees its own share of the screen's rows */
+struct sim_look sim_look_camera(void);
 void sim_eye_camera_init(struct sim_eye_camera *c, const struct sim_eye_camera_config *config, struct sim_optics *optics,
                          size_t screen, enum bb_lens lens, uint64_t seed, int64_t begin_ns);
 int64_t sim_eye_camera_next_ns(const struct sim_eye_camera *c); /* end of the next exposure */
-/* Exposes; 8-bit grey from the top row, three thirds for the three bands. Returns the middle of the exposure. */
+/* Exposes; 8-bit grey from the top row. Returns the middle of the exposure. */
 int64_t sim_eye_camera_expose(struct sim_eye_camera *c, uint8_t grey[SIM_CAMERA_HEIGHT * SIM_CAMERA_WIDTH]);
 
 #endif

@@ -94,6 +94,10 @@ static enum bb_status read_key(struct bb_recorded *r, char *key, char *value, st
 		good = number_alone(value, 0, 1e9, &rec->bandwidth_hz);
 	else if (!strcmp(key, "aperture_us"))
 		good = number_alone(value, 0, 20000, &rec->aperture_us);
+	else if (!strcmp(key, "fps_hz"))
+		good = number_alone(value, 1, 1e6, &rec->fps_hz);
+	else if (!strcmp(key, "first_s"))
+		good = number_alone(value, -MOST_S, MOST_S, &rec->first_s);
 	else
 		REFUSE(r, err, 1631, "no key '%.40s'", key);
 	if (!good)
@@ -226,7 +230,7 @@ enum bb_status bb_recorded_end(struct bb_recorded *r, struct bb_error *err)
 	}
 	if (!r->line_no)
 		REFUSE(r, err, 1630, "the file is empty");
-	if (!r->n_samples)
-		REFUSE(r, err, 1637, "there are no samples");
+	if (!r->headed)
+		REFUSE(r, err, 1637, "there are no columns");
 	return BB_OK;
 }
