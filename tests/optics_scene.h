@@ -27,6 +27,7 @@ struct optics_truth { /* what the scene is made with */
 	double lens_ns;                    /* lens of an eye opens after its edge's instant */
 	double stage_ns[SCENE_SCREENS];    /* dual projectors: the shutters of a wall open */
 	double vblank_ns[SCENE_SCREENS];   /* frame-sequential: vblank before the frame of that edge's eye */
+	double vblank_ppm[SCENE_SCREENS];  /* a frame-sequential display on a clock of its own */
 	bool swapped;                      /* glasses open for the other eye */
 	struct sim_diode_config diode;
 	uint64_t seed;
@@ -89,7 +90,7 @@ static inline void scene_tell(const struct optics_scene *s, struct sim_optics *o
 		if (pair)
 			sim_optics_edge(o, &e);
 		if (!pair || n % 2 == 0)
-			sim_optics_frame(o, i, llround(at + s->truth.vblank_ns[i]), pair ? BB_EYE_NONE : eye);
+			sim_optics_frame(o, i, llround(at / (1 + s->truth.vblank_ppm[i] * 1e-6) + s->truth.vblank_ns[i]), pair ? BB_EYE_NONE : eye);
 	}
 }
 

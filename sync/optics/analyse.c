@@ -97,6 +97,40 @@ static void trend_add(struct trend *t, double at_s, double value)
 	t->yy += value * value;
 }
 
+static void scatter_add(struct scatter *s, double value)
+{
+	for (unsigned i = 0; i < s->n_last; i++) {
+		const double d = value - s->last[i];
+		s->n[i]++;
+		s->sum[i] += d;
+		s->squares[i] += d * d;
+	}
+	for (unsigned i = OPTICS_LAGS - 1; i > 0; i--)
+		s->last[i] = s->last[i - 1];
+	s->last[0] = value;
+	s->n_last += s->n_last < OPTICS_LAGS;
+}
+
+/* Each show has its own trend: sums of squares about it are what adds up. */
+void bb_scatter_pool(struct scatter *into, const struct scatter *s)
+{
+	for (unsigned i = 0; i < OPTICS_LAGS; i++)
+		if (s->n[i] > 1) {
+			into->n[i] += s->n[i] - 1;
+			into->squares[i] += s->squares[i] - s->sum[i] * s->sum[i] / s->n[i];
+		}
+}
+
+double bb_scatter_variance(const struct scatter *s)
+{
+	double least = (double)NAN;
+
+	for (unsigned i = 0; i < OPTICS_LAGS; i++)
+		if (s->n[i] > 2)
+			least = fmin(least, fmax(s->squares[i], 0) / s->n[i] / 2); /* fmin passes over NAN */
+	return least;
+}
+
 /* A whole cycle is over: its phasor says when the pulse came, its integral how much light there was. */
 static void close_cycle(struct bb_analyser *a, struct part *p, double at_s)
 {
@@ -109,6 +143,8 @@ static void close_cycle(struct bb_analyser *a, struct part *p, double at_s)
 	p->samples += p->n;
 	trend_add(&p->trend, at_s, phase);
 	trend_add(&p->mean, at_s, p->area / a->nominal_ns);
+	scatter_add(&p->phase_scatter, phase);
+	scatter_add(&p->mean_scatter, p->area / a->nominal_ns);
 	p->re = p->im = p->area = p->n = 0;
 }
 
@@ -161,9 +197,9 @@ static void step_show(struct bb_analyser *a, const struct bb_show *show, size_t 
 
 void bb_analyser_scan(struct bb_analyser *a, int64_t at_ns, const double *volts)
 {
-	const int s = show_at(a, at_ns);
+	const int s = a->n_samples ? show_at(a, a->last_ns) : -1;
 
-	if (s >= 0 && a->n_samples && show_at(a, a->last_ns) == s)
+	if (s >= 0) /* the interval that ends a show may end its last cycle, too */
 		step_show(a, &a->r.show[s], (size_t)s, at_ns, volts);
 	for (size_t c = 0; c < a->r.n_channels; c++) {
 		struct tag *t = &a->channel[c].tag;

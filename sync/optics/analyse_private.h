@@ -11,13 +11,24 @@
 struct trend { /* a straight line through what comes in, kept as sums */
 	double n, x, y, xx, xy, yy;
 };
+/* How values scatter from cycle to cycle, as half the variance of their differences over 1, 2 and 3 cycles: what repeats
+ * after three cycles (hum of 100 Hz in cycles of 60 Hz) is no scatter, for it cancels in a mean over them. */
+#define OPTICS_LAGS 3
+struct scatter {
+	double last[OPTICS_LAGS];
+	unsigned n_last;
+	double n[OPTICS_LAGS], sum[OPTICS_LAGS], squares[OPTICS_LAGS];
+};
 struct part { /* one channel during one show, cycle by cycle */
 	double re, im, area, n; /* of the cycle under way */
 	double last_phase;
 	double amplitude, samples; /* summed over cycles */
 	struct trend trend;    /* phase of the fundamental, radians against seconds from the middle */
 	struct trend mean;     /* volts */
+	struct scatter phase_scatter, mean_scatter;
 };
+double bb_scatter_variance(const struct scatter *s); /* NAN: too few */
+void bb_scatter_pool(struct scatter *into, const struct scatter *s);
 struct tag {
 	double low, high;      /* volts seen at all */
 	double centre_ns;      /* of left frames, in the wall's cycle */

@@ -65,20 +65,19 @@ static int find_channel(const struct bb_analyser *a, const char *wall, int spot,
 /* Mean light with a pattern: the scatter from cycle to cycle says how sure. */
 static struct bb_estimate mean_of(const struct bb_analyser *a, int channel, enum bb_pattern pattern)
 {
-	double n = 0, sum = 0, squares = 0;
+	struct scatter pooled = { .n_last = 0 };
+	double n = 0, sum = 0;
 
 	for (size_t s = 0; channel >= 0 && s < a->r.n_shows; s++) {
-		const struct trend *t = &a->channel[channel].part[s].mean;
+		const struct part *p = &a->channel[channel].part[s];
 		if (a->r.show[s].pattern != pattern)
 			continue;
-		n += t->n;
-		sum += t->y;
-		squares += t->yy;
+		n += p->mean.n;
+		sum += p->mean.y;
+		bb_scatter_pool(&pooled, &p->mean_scatter);
 	}
-	if (n < 3)
-		return unknown;
-	const double variance = fmax(squares - sum * sum / n, 0) / (n - 1);
-	return (struct bb_estimate){ sum / n, sqrt(variance / n) };
+	const double variance = bb_scatter_variance(&pooled);
+	return n > 0 && isfinite(variance) ? (struct bb_estimate){ sum / n, sqrt(variance / n) } : unknown;
 }
 
 /* How unsure a phase is beside its fit: jitter from cycle to cycle, less what the samples' own noise makes of it, and
@@ -86,22 +85,23 @@ static struct bb_estimate mean_of(const struct bb_analyser *a, int channel, enum
 static double wander_ns(const struct bb_analyser *a, size_t channel, int pattern, double noise)
 {
 	const struct clock *k = &a->clock[a->channel[channel].clock];
-	double n = 0, at = 0, scatter = 0;
+	struct scatter pooled = { .n_last = 0 };
+	double n = 0, at = 0, amplitude = 0, samples = 0;
 
 	for (size_t s = 0; s < a->r.n_shows; s++) {
 		const struct part *p = &a->channel[channel].part[s];
-		double slope, variance, own;
-		if ((pattern >= 0 && (int)a->r.show[s].pattern != pattern) ||
-		    !bb_trend_line(&p->trend, &slope, &variance, &own))
+		if (pattern >= 0 && (int)a->r.show[s].pattern != pattern)
 			continue;
-		const double amplitude = p->amplitude / p->trend.n, samples = p->samples / p->trend.n;
 		n += p->trend.n;
 		at += p->trend.x;
-		scatter += fmax(own - noise * noise / (2 * samples * amplitude * amplitude), 0) * p->trend.n;
+		amplitude += p->amplitude;
+		samples += p->samples;
+		bb_scatter_pool(&pooled, &p->phase_scatter);
 	}
-	if (!(n > 0))
+	const double scatter = bb_scatter_variance(&pooled), of_noise = noise * noise / (2 * samples / n * pow(amplitude / n, 2));
+	if (!(n > 0) || !isfinite(scatter))
 		return (double)INFINITY;
-	const double jitter_ns = sqrt(scatter / n / n) * k->cycle_ns / 6.283185307179586;
+	const double jitter_ns = sqrt(fmax(scatter - of_noise, 0) / n) * k->cycle_ns / 6.283185307179586;
 	return hypot(jitter_ns, k->cycle_sigma_ns / k->cycle_ns * at / n * 1e9);
 }
 
