@@ -239,8 +239,10 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	l->head_inbox = (struct bb_timer){ .step = bb_head_inbox, .rank = 3 };
 	l->deadline = (struct bb_timer){ .step = bb_head_deadline, .rank = 4 };
 	bb_streaming_begin(l);
-	if (l->rig->shutter)
+	if (l->rig->shutter) {
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
+		bb_polarity_init(&l->polarity, l->room->chain.rate);
+	}
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);

@@ -23,6 +23,7 @@
 #include "sim/world.h"
 #include "sync/barrier.h"
 #include "sync/phase.h"
+#include "sync/polarity.h"
 #include "sync/track/tracker.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
@@ -109,6 +110,7 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
+	struct bb_polarity polarity;
 	struct bb_barrier barrier;
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
