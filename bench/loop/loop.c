@@ -225,6 +225,21 @@ static bool take_memory(struct bb_frame_loop *l)
 	       l->result->path;
 }
 
+/* Runs that see light set the chain as `blackburst phase` plans it, where there is a plan that a chain can follow: its
+ * delays end at one period. All others leave the glasses where the room file has them, and shutters with them. */
+static void choose_timing(struct bb_frame_loop *l)
+{
+	struct bb_plan *plan = l->rig->needs[BB_CLASS_SHUTTERS] >= 2 ? calloc(1, sizeof(*plan)) : NULL;
+
+	l->timing = bb_plan_configured(&l->room->chain);
+	l->timing.shutter_at_us = l->timing.glasses_at_us;
+	if (plan && bb_plan_room(l->room, bb_plan_limit(l->room), plan, NULL) == BB_OK &&
+	    plan->timing.glasses_at_us < plan->period_us && plan->timing.shutter_at_us < plan->period_us &&
+	    plan->timing.glasses_at_us >= 0 && plan->timing.shutter_at_us >= 0)
+		l->timing = plan->timing;
+	free(plan);
+}
+
 enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 {
 	enum bb_status status = BB_OK;
@@ -242,6 +257,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (l->rig->shutter) {
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
 		bb_polarity_init(&l->polarity, l->room->chain.rate);
+		choose_timing(l);
 	}
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
@@ -250,6 +266,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	                l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
 	if (status == BB_OK)
 		status = create_tracker(l);
+	if (status == BB_OK)
+		status = bb_crosstalk_create(l->rig, &l->timing, &l->crosstalk);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
@@ -272,6 +290,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->target);
 	}
 	bb_tracker_destroy(l->tracker);
+	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
 	free(l->nodes);
 	free(l->camera_map);
@@ -305,19 +324,27 @@ static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, int64_t de
 	return status == BB_ERR_UNSUPPORTED ? BB_OK : status;
 }
 
-/* Projector shutters switch with the glasses: every stage gets the emitter's delay. */
+/* Of a stage: projector shutters have a place of their own; where there are none, its edges are the glasses'. */
+static int64_t stage_delay_ns(const struct bb_frame_loop *l, uint8_t stage)
+{
+	const int wall = bb_room_wall(l->room, l->room->chain.stage[stage]);
+
+	for (size_t i = 0; i < l->room->n_screens; i++)
+		if (l->room->screens[i].wall == wall && l->room->screens[i].display.stereo == BB_STEREO_DUAL_PROJECTOR)
+			return (int64_t)(l->timing.shutter_at_us * 1e3);
+	return (int64_t)(l->timing.glasses_at_us * 1e3);
+}
+
 static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
-	const struct bb_shutter_config *c = &l->room->chain;
-	const int64_t delay_ns = (int64_t)(c->emitter_offset_us * 1e3);
 	enum bb_status status = BB_OK;
 
 	if (!l->rig->shutter)
 		return BB_OK;
-	for (uint8_t i = 0; i < c->n_stages && status == BB_OK; i++)
-		status = set_phase(l->rig->shutter, i, delay_ns);
+	for (uint8_t i = 0; i < l->room->chain.n_stages && status == BB_OK; i++)
+		status = set_phase(l->rig->shutter, i, stage_delay_ns(l, i));
 	if (status == BB_OK)
-		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, delay_ns);
+		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, (int64_t)(l->timing.glasses_at_us * 1e3));
 	if (status == BB_OK)
 		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
 	return status;

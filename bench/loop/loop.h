@@ -16,6 +16,7 @@
 #include "hal/profile.h"
 #include "render/stream/io.h"
 #include "bench/ledger.h"
+#include "bench/loop/crosstalk.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
 #include "bench/run.h"
@@ -111,6 +112,8 @@ struct bb_frame_loop {
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
+	struct bb_plan_timing timing;     /* the chain's: the room file's, or planned at fidelity 2 */
+	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
 	struct bb_barrier barrier;
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */

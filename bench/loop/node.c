@@ -351,6 +351,7 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 		while (d && bb_display_flips(d, flips, BB_ARRAY_LEN(flips), &count) == BB_OK)
 			for (size_t i = 0; i < count; i++) {
 				note_flip(l, n->screens[s], &flips[i]);
+				bb_crosstalk_flip(l->crosstalk, n->screens[s], &flips[i]);
 				if (!s)
 					bb_ledger_mark(l->ledger, BB_TRACK_VSYNC, n->index, flips[i].at_ns,
 					               (int32_t)flips[i].seq);

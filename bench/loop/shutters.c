@@ -132,6 +132,7 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 	while ((status = bb_shutter_read(l->rig->shutter, edges, READ_AT_ONCE, &n)) == BB_OK) {
 		for (size_t i = 0; i < n; i++) {
 			bb_phase_edge(&l->phase, &edges[i]);
+			bb_crosstalk_edge(l->crosstalk, &edges[i]);
 			if (edges[i].stage == BB_STAGE_EMITTER)
 				l->edge_ns = edges[i].at_ns;
 			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye);
@@ -147,6 +148,7 @@ void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_n
 	if (!l->rig->shutter)
 		return;
 	bb_shutters_feed(l, now_ns);
+	bb_crosstalk_frame(l->crosstalk, f->frame, now_ns, l->ledger);
 	sample_phase(l, f, now_ns);
 	watch_polarity(l, f, now_ns);
 	watch_edges(l, now_ns);

@@ -14,7 +14,7 @@
 #include "hal/optics.h"
 #include "hal/room.h"
 
-#define SIM_LANES 2
+#define SIM_LANES 3
 
 #define SIM_HEIGHTS 24
 struct sim_look {                 /* where every screen is looked at: what is not costs nothing */
