@@ -11,6 +11,7 @@
 #define SCREENS 32
 #define SETTLE 6      /* frames of both eyes a screen has shown before it counts */
 #define FLIPS 8
+#define MOST_PERCENT 1e4 /* an eye that sees nothing of its own picture */
 
 struct light { /* integrals over a frame: own white, the other's white, black, through one lens */
 	double own, other, black;
@@ -152,8 +153,9 @@ static bool worst(const struct bb_crosstalk *x, double *percent, uint16_t *scree
 		for (size_t h = 0; h < BB_BANDS; h++)
 			for (unsigned e = 0; e < 2; e++) {
 				const struct light *l = &x->watched[i].light[h][e];
-				const double c = 100 * (l->other - l->black) / (l->own - l->black);
-				if (x->watched[i].shown < 2 * SETTLE || !(l->own > l->black) || !(c > *percent))
+				const double own = fmax(l->own - l->black, (l->other - l->black) * 100 / MOST_PERCENT);
+				const double c = 100 * (l->other - l->black) / own;
+				if (x->watched[i].shown < 2 * SETTLE || !(own > 0) || !(c > *percent))
 					continue;
 				*percent = c;
 				*screen = x->watched[i].screen;

@@ -20,7 +20,8 @@ void bb_crosstalk_destroy(struct bb_crosstalk *x);
 void bb_crosstalk_edge(struct bb_crosstalk *x, const struct bb_shutter_edge *e);
 void bb_crosstalk_flip(struct bb_crosstalk *x, uint16_t screen, const struct bb_flip *flip);
 /* Once a frame, when all edges and flips up to now have been told: the light since the last call becomes a sample, the
- * worst of all walls, heights and eyes. No sample while an eye sees no picture, or the shutters do not run. */
+ * worst of all walls, heights and eyes; an eye that sees nothing of its own picture counts as 10^4 percent. No sample
+ * while the shutters do not run. */
 void bb_crosstalk_frame(struct bb_crosstalk *x, uint64_t frame, int64_t now_ns, struct bb_ledger *ledger);
 
 #endif

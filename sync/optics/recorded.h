@@ -9,7 +9,11 @@
 #include "hal/optics.h"
 #include "hal/status.h"
 
-#define BB_RECORDED_LINE 4096
+#ifdef BB_FUZZ
+#define BB_RECORDED_LINE 256 /* reached by short inputs */
+#else
+#define BB_RECORDED_LINE 8192 /* every channel with a wall of the longest name */
+#endif
 
 struct bb_recorded { /* the caller's memory */
 	struct bb_recording recording; /* complete once `headed` */
