@@ -183,6 +183,11 @@ GIB ?= 16
 bench-volume: all
 	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
+# The phase plan against every delay and opening of 1 us: half a minute.
+bench-plan:
+	@$(MAKE) --no-print-directory B=build/plan-1us CFLAGS='-g -DBRUTE_STRIDE=1' build/plan-1us/tests/test_plan
+	@build/plan-1us/tests/test_plan
+
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
@@ -225,6 +230,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-plan bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

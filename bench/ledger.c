@@ -146,10 +146,11 @@ void bb_ledger_span(struct bb_ledger *l, uint64_t frame, enum bb_stage stage, ui
 		l->dropped++;
 }
 
-void bb_ledger_mark(struct bb_ledger *l, enum bb_track_kind track, uint16_t index, int64_t at_ns, int32_t value)
+void bb_ledger_mark(struct bb_ledger *l, enum bb_track_kind track, uint16_t index, int64_t at_ns, int32_t value,
+                    uint8_t eye)
 {
 	if (l->n_marks < l->cap_marks)
-		l->mark[l->n_marks++] = (struct bb_mark){ at_ns, (uint16_t)track, index, value };
+		l->mark[l->n_marks++] = (struct bb_mark){ at_ns, (uint8_t)track, eye, index, value };
 	else
 		l->dropped++;
 }

@@ -39,7 +39,8 @@ struct bb_span {
 
 struct bb_mark { /* an instant for the timeline */
 	int64_t at_ns;
-	uint16_t track;           /* enum bb_track_kind */
+	uint8_t track;            /* enum bb_track_kind */
+	uint8_t eye;              /* enum bb_eye: that begins to see, or whose picture it is */
 	uint16_t index;           /* node, screen, stage or camera */
 	int32_t value;
 };
@@ -72,7 +73,8 @@ BB_MUST_CHECK enum bb_status bb_ledger_create(size_t n_frames, size_t n_nodes, s
 void bb_ledger_destroy(struct bb_ledger *l);
 void bb_ledger_span(struct bb_ledger *l, uint64_t frame, enum bb_stage stage, uint16_t node, uint32_t tag,
                     int64_t start_ns, int64_t end_ns);
-void bb_ledger_mark(struct bb_ledger *l, enum bb_track_kind track, uint16_t index, int64_t at_ns, int32_t value);
+void bb_ledger_mark(struct bb_ledger *l, enum bb_track_kind track, uint16_t index, int64_t at_ns, int32_t value,
+                    uint8_t eye);
 void bb_ledger_sample(struct bb_ledger *l, enum bb_metric metric, const struct bb_sample *sample);
 void bb_ledger_row(struct bb_ledger *l, const struct bb_frame_row *row);
 

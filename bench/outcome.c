@@ -279,6 +279,7 @@ enum bb_status bb_outcome_write(const struct bb_run_result *r, const char *dir, 
 		{ "junit.xml", bb_result_write_junit },
 		{ "frames.csv", bb_result_write_csv },
 		{ "trace.json", bb_result_write_trace },
+		{ "edges.csv", bb_result_write_edges },
 	};
 	char path[BB_PATH_MAX_BYTES + 32];
 	enum bb_status status = BB_OK;

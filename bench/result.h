@@ -181,6 +181,10 @@ BB_MUST_CHECK enum bb_status bb_result_write_json(const struct bb_run_result *r,
 char *bb_result_json_text(const struct bb_run_result *r); /* malloc'ed; NULL: out of memory */
 BB_MUST_CHECK enum bb_status bb_result_write_junit(const struct bb_run_result *r, const char *path, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *path, struct bb_error *err);
+/* What a mark belongs to: the id of a screen, stage, camera or node, "glasses"; NULL: nothing in the room. */
+const char *bb_result_track_member(const struct bb_room *room, const struct bb_mark *m);
+/* edges.csv: vblanks, shutters, glasses and strobes, for `phase --measured` (bench/phase/edges.h). */
+BB_MUST_CHECK enum bb_status bb_result_write_edges(const struct bb_run_result *r, const char *path, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_result_write_trace(const struct bb_run_result *r, const char *path, struct bb_error *err);
 /* The verdict table for a terminal. */
 void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colour);

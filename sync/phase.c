@@ -19,7 +19,7 @@ static void pair(struct bb_phase *p, struct bb_phase_stage *s)
 
 	if (!s->n || !p->ring[i].valid || p->ring[i].seq != s->seq)
 		return;
-	s->offset_ns = s->at_ns - p->ring[i].at_ns;
+	s->offset_ns = s->at_ns - p->ring[i].at_ns - p->planned_ns;
 	s->eye_differs = s->eye && p->ring[i].eye && s->eye != p->ring[i].eye;
 	s->pair_seq = s->seq;
 	s->paired = true;

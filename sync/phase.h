@@ -15,7 +15,7 @@ struct bb_phase_stage {
 	int64_t at_ns;
 	uint8_t eye;
 	uint64_t missed, doubled;
-	int64_t offset_ns;     /* newest: this stage less the emitter at the same seq */
+	int64_t offset_ns;     /* newest: this stage less the emitter at the same seq, less what is planned */
 	bool paired;           /* offset_ns and eye_differs are of seq pair_seq */
 	uint32_t pair_seq;
 	bool eye_differs;      /* opened for the other eye than the glasses did */
@@ -23,6 +23,7 @@ struct bb_phase_stage {
 
 struct bb_phase {
 	int64_t nominal_ns;
+	int64_t planned_ns;    /* a stage less the emitter as it should be; 0 after init */
 	unsigned n_stages;
 	struct bb_phase_stage stage[BB_STAGES_MAX];
 	struct bb_phase_stage emitter;

@@ -171,10 +171,11 @@ static inline double fixture_show(struct fixture *x, uint64_t frame, int64_t exp
 	for (uint16_t node = 0; node < 5; node++) {
 		bb_ledger_span(l, frame, BB_STAGE_PRESENT, node, node, release_ns, vblank);
 		bb_ledger_span(l, frame, BB_STAGE_SCANOUT, node, node, vblank, vblank + 4000000);
-		bb_ledger_mark(l, BB_TRACK_VSYNC, node, vblank, (int32_t)frame);
-		bb_ledger_mark(l, BB_TRACK_SHUTTER, node, vblank + 300000, frame & 1 ? 1 : 2);
+		bb_ledger_mark(l, BB_TRACK_VSYNC, node, vblank, (int32_t)frame, 0);
+		bb_ledger_mark(l, BB_TRACK_SHUTTER, node, vblank + 300000, frame & 1 ? 1 : 2,
+		               frame & 1 ? 1 : 2);
 	}
-	bb_ledger_mark(l, BB_TRACK_SHUTTER, 255, vblank + 301000, frame & 1 ? 1 : 2);
+	bb_ledger_mark(l, BB_TRACK_SHUTTER, 255, vblank + 301000, frame & 1 ? 1 : 2, frame & 1 ? 1 : 2);
 	bb_ledger_span(l, frame, BB_STAGE_SHUTTER, 0xFFFF, 0, vblank + 4000000, vblank + 4700000);
 	return (double)(vblank + 4700000 - exposed_ns) * 1e-6;
 }
@@ -196,7 +197,7 @@ static inline void fixture_frame(struct fixture *x, const struct fixture_options
 	bb_ledger_span(l, frame, BB_STAGE_TRANSFER, 0xFFFF, 0, exposed + 3000000, exposed + 4200000);
 	bb_ledger_span(l, frame, BB_STAGE_WAIT, 0xFFFF, 0, exposed + 4200000, start);
 	bb_ledger_span(l, frame, BB_STAGE_TRACK, 0xFFFF, 0, start, start + 90000);
-	bb_ledger_mark(l, BB_TRACK_STROBE, (uint16_t)(frame % 8), exposed, (int32_t)frame);
+	bb_ledger_mark(l, BB_TRACK_STROBE, (uint16_t)(frame % 8), exposed, (int32_t)frame, 0);
 	for (uint16_t node = 0; node < 5; node++) {
 		ready[node] = fixture_node_spans(x, o, frame, node, start + 90000);
 		slow = ready[node] > ready[slow] ? node : slow;
@@ -206,7 +207,7 @@ static inline void fixture_frame(struct fixture *x, const struct fixture_options
 	last = ready[slow];
 	for (uint16_t node = 0; node < 5; node++)
 		bb_ledger_span(l, frame, BB_STAGE_BARRIER, node, 0, ready[node], last + 50000);
-	bb_ledger_mark(l, BB_TRACK_BARRIER, (uint16_t)slow, last + 50000, (int32_t)frame);
+	bb_ledger_mark(l, BB_TRACK_BARRIER, (uint16_t)slow, last + 50000, (int32_t)frame, 0);
 	row.frame_ms = (double)(last - start) * 1e-6;
 	row.head_to_photon_ms = fixture_show(x, frame, exposed, last + 50000);
 	row.swap_skew_us = 25 + fixture_uniform(x) * 30;

@@ -53,7 +53,8 @@ static inline struct bb_shutter_config fixture_chain(void)
 	struct bb_shutter_config c = { .id = "chain", .device = "sim:", .rate = { 120, 1 }, .n_stages = 3,
 		                       .stage = { "front", "left", "right" }, .stage_delay_us = 35,
 		                       .rate_error_ppm = 12, .jitter_us = 2, .cell = { 1800, 300, 500, 30 },
-		                       .glasses = { 1800, 300, 500, 30 },
+		                       .glasses = { 1800, 300, 500, 30 }, .shutter_delay_us = 3000,
+		                       .shutter_duty_percent = 100,
 		                       .emitter_offset_us = 3000 };
 	return c;
 }

@@ -136,7 +136,7 @@ static void test_capacity(void **state)
 	for (int i = 1; i <= 5000; i++) {
 		const struct bb_frame_row row = { .frame = (uint64_t)i };
 		bb_ledger_span(l, (uint64_t)i, BB_STAGE_DRAW, 0, 0, 0, (int64_t)i * 1000000);
-		bb_ledger_mark(l, BB_TRACK_VSYNC, 0, i, 0);
+		bb_ledger_mark(l, BB_TRACK_VSYNC, 0, i, 0, 0);
 		bb_ledger_row(l, &row);
 	}
 	const struct bb_span *span;

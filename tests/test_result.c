@@ -211,6 +211,19 @@ static void test_trace(void **state)
 	json_decref(root);
 }
 
+static void test_edges(void **state)
+{
+	struct place *p = *state;
+
+	assert_int_equal(bb_result_write_edges(p->x->result, path_in(p, "edges.csv"), NULL), BB_OK);
+	read_back(p);
+	assert_int_equal(strncmp(p->text, "t_ns,track,eye,event\n", 21), 0);
+	for (const char *const *w = (const char *const[]){ ",vblank:front,NA,flip\n", ",glasses,left,open\n",
+		     ",glasses,right,open\n", ",strobe:c1,NA,mid\n", NULL }; *w; w++)
+		assert_non_null(strstr(p->text, *w));
+	assert_null(strstr(p->text, "barrier"));
+}
+
 /* Spans of one thread of a trace must nest or be apart: a viewer drops what overlaps. */
 static void test_trace_lanes(void **state)
 {
@@ -485,6 +498,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(test_junit, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_csv, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_trace, set_up, tear_down),
+		cmocka_unit_test_setup_teardown(test_edges, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_trace_lanes, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_html, set_up, tear_down),
 		cmocka_unit_test_setup_teardown(test_streaming, set_up, tear_down),

@@ -48,7 +48,7 @@ static bool worth_it(const struct bb_rig *rig)
 	       is_sim(rig->room->chain.device);
 }
 
-enum bb_status bb_crosstalk_create(const struct bb_rig *rig, const struct bb_plan_timing *timing, struct bb_crosstalk **out)
+enum bb_status bb_crosstalk_create(const struct bb_rig *rig, struct bb_crosstalk **out)
 {
 	struct sim_look look = sim_look_bands();
 	size_t screens[SCREENS], n = 0;
@@ -68,7 +68,6 @@ enum bb_status bb_crosstalk_create(const struct bb_rig *rig, const struct bb_pla
 		free(x);
 		return status;
 	}
-	sim_optics_set_open(x->optics, timing->glasses_open_us, timing->shutter_open_us);
 	sim_optics_show(x->optics, 0, BB_PATTERN_WHITE_BLACK);
 	sim_optics_show(x->optics, 1, BB_PATTERN_BLACK_WHITE);
 	x->rig = rig;

@@ -8,13 +8,11 @@
 
 #include "bench/ledger.h"
 #include "bench/rig.h"
-#include "sync/plan.h"
 
 struct bb_crosstalk;
 
 /* *out is NULL (and BB_OK) where there is nothing to model: another fidelity, no sims, no stereo wall. */
-BB_MUST_CHECK enum bb_status bb_crosstalk_create(const struct bb_rig *rig, const struct bb_plan_timing *timing,
-                                                 struct bb_crosstalk **out);
+BB_MUST_CHECK enum bb_status bb_crosstalk_create(const struct bb_rig *rig, struct bb_crosstalk **out);
 void bb_crosstalk_destroy(struct bb_crosstalk *x);
 /* All of them do nothing with NULL. Screens as in the room. */
 void bb_crosstalk_edge(struct bb_crosstalk *x, const struct bb_shutter_edge *e);

@@ -194,7 +194,7 @@ static void step_barrier(struct bb_frame_loop *l, int64_t now_ns)
 	}
 	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
 	                (int64_t)r.frame, (int64_t)r.missing);
-	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)head, now_ns, (int32_t)r.frame);
+	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)head, now_ns, (int32_t)r.frame, 0);
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (l->drawing_nodes >> i & 1)
 			bb_loop_say(l, head, i, &m);

@@ -1,6 +1,8 @@
 /* bench/loop/loop.c: takes and gives back everything the loop needs, and lets the clock run. */
 #include "bench/loop/loop.h"
 
+#include "sync/plan.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -225,21 +227,6 @@ static bool take_memory(struct bb_frame_loop *l)
 	       l->result->path;
 }
 
-/* Runs that see light set the chain as `blackburst phase` plans it, where there is a plan that a chain can follow: its
- * delays end at one period. All others leave the glasses where the room file has them, and shutters with them. */
-static void choose_timing(struct bb_frame_loop *l)
-{
-	struct bb_plan *plan = l->rig->needs[BB_CLASS_SHUTTERS] >= 2 ? calloc(1, sizeof(*plan)) : NULL;
-
-	l->timing = bb_plan_configured(&l->room->chain);
-	l->timing.shutter_at_us = l->timing.glasses_at_us;
-	if (plan && bb_plan_room(l->room, bb_plan_limit(l->room), plan, NULL) == BB_OK &&
-	    plan->timing.glasses_at_us < plan->period_us && plan->timing.shutter_at_us < plan->period_us &&
-	    plan->timing.glasses_at_us >= 0 && plan->timing.shutter_at_us >= 0)
-		l->timing = plan->timing;
-	free(plan);
-}
-
 enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 {
 	enum bb_status status = BB_OK;
@@ -257,7 +244,6 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (l->rig->shutter) {
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
 		bb_polarity_init(&l->polarity, l->room->chain.rate);
-		choose_timing(l);
 	}
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
@@ -267,7 +253,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = create_tracker(l);
 	if (status == BB_OK)
-		status = bb_crosstalk_create(l->rig, &l->timing, &l->crosstalk);
+		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
@@ -317,34 +303,28 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 /* ---- running ---- */
 
 /* A phase the hardware has fixed is measured instead of set. */
-static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, int64_t delay_ns)
+static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, double delay_us, double duty)
 {
-	const enum bb_status status = bb_shutter_set_phase(sh, stage, delay_ns, 500000);
+	const enum bb_status status =
+		bb_shutter_set_phase(sh, stage, (int64_t)(delay_us * 1e3), (uint32_t)(duty * 1e6));
 
 	return status == BB_ERR_UNSUPPORTED ? BB_OK : status;
 }
 
-/* Of a stage: projector shutters have a place of their own; where there are none, its edges are the glasses'. */
-static int64_t stage_delay_ns(const struct bb_frame_loop *l, uint8_t stage)
-{
-	const int wall = bb_room_wall(l->room, l->room->chain.stage[stage]);
-
-	for (size_t i = 0; i < l->room->n_screens; i++)
-		if (l->room->screens[i].wall == wall && l->room->screens[i].display.stereo == BB_STEREO_DUAL_PROJECTOR)
-			return (int64_t)(l->timing.shutter_at_us * 1e3);
-	return (int64_t)(l->timing.glasses_at_us * 1e3);
-}
-
+/* As the room says, which is what `blackburst phase` plans: shutters before projectors, and the glasses. */
 static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
+	const struct bb_plan_timing t = bb_plan_configured(&l->room->chain);
+	const double hz = bb_rate_hz(l->room->chain.rate) * 1e-6;
 	enum bb_status status = BB_OK;
 
 	if (!l->rig->shutter)
 		return BB_OK;
+	l->phase.planned_ns = (int64_t)((t.shutter_at_us - t.glasses_at_us) * 1e3);
 	for (uint8_t i = 0; i < l->room->chain.n_stages && status == BB_OK; i++)
-		status = set_phase(l->rig->shutter, i, stage_delay_ns(l, i));
+		status = set_phase(l->rig->shutter, i, t.shutter_at_us, t.shutter_open_us * hz);
 	if (status == BB_OK)
-		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, (int64_t)(l->timing.glasses_at_us * 1e3));
+		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, t.glasses_at_us, t.glasses_open_us * hz);
 	if (status == BB_OK)
 		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
 	return status;

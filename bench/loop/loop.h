@@ -112,7 +112,6 @@ struct bb_frame_loop {
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
-	struct bb_plan_timing timing;     /* the chain's: the room file's, or planned at fidelity 2 */
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
 	struct bb_barrier barrier;
 	struct bb_pictures *pictures;     /* NULL: none wanted */

@@ -135,7 +135,8 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 			bb_crosstalk_edge(l->crosstalk, &edges[i]);
 			if (edges[i].stage == BB_STAGE_EMITTER)
 				l->edge_ns = edges[i].at_ns;
-			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye);
+			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye,
+			               edges[i].eye);
 		}
 	}
 	if (status < 0)

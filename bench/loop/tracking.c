@@ -198,7 +198,7 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	for (size_t i = 0; i < n_reads; i++) {
 		bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
 		if (l->reads[i].camera == 0)
-			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0);
+			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0, 0);
 	}
 	const size_t n = bb_tracker_solve(l->tracker, true, 0, solutions, SOLUTIONS_MAX);
 	for (size_t i = 0; i < n && i < SOLUTIONS_MAX; i++) {

@@ -146,7 +146,7 @@ static const char *const track_text[BB_TRACK_KIND_COUNT] = { [BB_TRACK_VSYNC] = 
 	                                                     [BB_TRACK_STROBE] = "strobe",
 	                                                     [BB_TRACK_BARRIER] = "barrier" };
 
-static const char *track_member(const struct bb_room *room, const struct bb_mark *m)
+const char *bb_result_track_member(const struct bb_room *room, const struct bb_mark *m)
 {
 	switch (m->track) {
 	case BB_TRACK_VSYNC:
@@ -165,7 +165,7 @@ static const char *track_member(const struct bb_room *room, const struct bb_mark
 
 static void name_track(struct trace *t, const struct bb_mark *m, int tid)
 {
-	const char *member = track_member(t->r->room, m);
+	const char *member = bb_result_track_member(t->r->room, m);
 	char name[80];
 
 	bb_text_format(name, sizeof(name), member ? "%s %s" : "%s %.0s%u", track_text[m->track], member ? member : "",

@@ -42,7 +42,8 @@ const struct bb_option room_chain_options[] = {
 	F64("stage_delay_us", struct chain_draft, chain.stage_delay_us, 35, 0, 5000, "from one controller to the next"),
 	F64("rate_error_ppm", struct chain_draft, chain.rate_error_ppm, 0, -1000, 1000, "simulated clock error"),
 	F64("jitter_us", struct chain_draft, chain.jitter_us, 1, 0, 1000, "simulated jitter of the edges, sd"),
-	F64("shutter_delay_us", struct chain_draft, chain.shutter_delay_us, 0, 0, 20000, "opens this long after its edge"),
+	F64("shutter_delay_us", struct chain_draft, chain.shutter_delay_us, (double)NAN, 0, 20000,
+	    "opens this long after its edge; left out: with the glasses"),
 	F64("shutter_duty_percent", struct chain_draft, chain.shutter_duty_percent, 100, 1, 100,
 	    "share of an edge period it stays open"),
 	CELL(cell),
@@ -124,6 +125,8 @@ enum bb_status room_read_shutters(struct bb_reader *r, const struct bb_yaml_node
 	if (!status && d.chain.emitter_offset_us >= 1e6 / d.rate_hz)
 		status = bb_yaml_fail(r, 1114, value, "the emitter's offset of %g us is longer than a period of %g us",
 		                      d.chain.emitter_offset_us, 1e6 / d.rate_hz);
+	if (isnan(d.chain.shutter_delay_us))
+		d.chain.shutter_delay_us = d.chain.emitter_offset_us;
 	if (!status && fmax(d.chain.shutter_delay_us, d.chain.token_gap_us) >= 1e6 / d.rate_hz)
 		status = bb_yaml_fail(r, 1114, value, "shutter_delay_us and token_gap_us are shorter than a period of %g us",
 		                      1e6 / d.rate_hz);

@@ -156,13 +156,13 @@ static void plan_cameras(const struct bb_room *room, struct bb_plan *p)
 
 /* --- drift -------------------------------------------------------------------------------------------------------- */
 
-/* Of a display that nothing locks: the mode it is driven in, not the number on its box. */
+/* Of a display that nothing locks. A whole number is the one on the box: the mode it is driven in has another. */
 static double true_hz(const struct bb_display_config *d)
 {
 	struct bb_cvt mode;
 	double hz = bb_rate_hz(d->rate);
 
-	if (bb_cvt_rb((int)d->width_px, (int)d->height_px, d->rate, &mode) == BB_OK)
+	if (d->rate.den == 1 && bb_cvt_rb((int)d->width_px, (int)d->height_px, d->rate, &mode) == BB_OK)
 		hz = bb_cvt_rate_hz(&mode);
 	return isnan(d->rate_error_ppm) ? hz : hz * (1 + d->rate_error_ppm * 1e-6);
 }

@@ -84,30 +84,61 @@ static struct bb_plan_light probe(const struct search *s, double at, double open
 	return worst;
 }
 
-static bool holds(const struct search *s, double at, double open)
+static double crosstalk(const struct search *s, double at, double open)
 {
-	return probe(s, at, open).crosstalk_percent <= s->task->limit_percent;
+	return probe(s, at, open).crosstalk_percent;
+}
+
+/* The opening of least crosstalk between two: a lens that opens longer gains signal first and leakage later, so there is
+ * one valley. */
+static double valley(const struct search *s, double at, double low, double high)
+{
+	const double golden = 0.6180339887498949;
+	double a = high - golden * (high - low), b = low + golden * (high - low);
+	double at_a = crosstalk(s, at, a), at_b = crosstalk(s, at, b);
+
+	while (high - low > 1) {
+		if (at_a < at_b) {
+			high = b;
+			b = a;
+			at_b = at_a;
+			a = high - golden * (high - low);
+			at_a = crosstalk(s, at, a);
+		} else {
+			low = a;
+			a = b;
+			at_a = at_b;
+			b = low + golden * (high - low);
+			at_b = crosstalk(s, at, b);
+		}
+	}
+	return (low + high) / 2;
 }
 
 /* The longest opening within the limit at a delay; 0: none. */
 static double widest(const struct search *s, double at)
 {
-	double bad = s->most, good = 0;
+	const double limit = s->task->limit_percent, step = (s->most - s->least) / OPENINGS;
+	double good = 0, bad = s->most, least = (double)INFINITY, deepest = s->most;
 
-	for (int i = 0; i <= OPENINGS && !good; i++) {
-		const double open = s->most - (s->most - s->least) * i / OPENINGS;
+	for (int i = 0; i <= (step > 0 ? OPENINGS : 0) && !good; i++) {
+		const double open = s->most - step * i, percent = crosstalk(s, at, open);
 
-		if (holds(s, at, open))
-			good = open;
-		else
-			bad = open;
-		if (s->most <= s->least)
-			break;
+		*(percent <= limit ? &good : &bad) = open;
+		if (percent < least) {
+			least = percent;
+			deepest = open;
+		}
+	}
+	if (!good && step > 0 && least < 2 * limit) { /* the valley may lie between two steps */
+		deepest = valley(s, at, fmax(deepest - step, s->least), fmin(deepest + step, s->most));
+		good = crosstalk(s, at, deepest) <= limit ? deepest : 0;
+		bad = fmin(deepest + step, s->most);
 	}
 	for (int i = 0; i < 20 && good > 0 && good < s->most; i++) {
 		const double open = (good + bad) / 2;
 
-		*(holds(s, at, open) ? &good : &bad) = open;
+		*(crosstalk(s, at, open) <= limit ? &good : &bad) = open;
 	}
 	return good;
 }
