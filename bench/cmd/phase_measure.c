@@ -17,7 +17,7 @@ static int exit_of(enum bb_verdict v)
 
 static int tell(const struct bb_cli *cli, const struct bb_measure *m)
 {
-	const char *plot = bb_cli_get(cli, "plot", NULL);
+	const char *plot = bb_cli_get(cli, "png", bb_cli_get(cli, "svg", NULL));
 	struct bb_error err = { 0 };
 	const enum bb_status status = plot ? bb_measure_plot(m, plot, &err) : BB_OK;
 
@@ -104,7 +104,8 @@ static const struct bb_cli_option measure_options[] = {
 	{ "room", "FILE", "judge it by this room's budgets and plan" },
 	{ "configured", NULL, "judge phases by the times in the room file instead of the plan" },
 	{ "fps", "N", "pictures a second, over what recording.txt says" },
-	{ "plot", "FILE", "the signals with the edges found, .svg or .png" },
+	{ "svg", "FILE", "draw the signals with the edges found" },
+	{ "png", "FILE", "the same as a picture of pixels" },
 	{ "json", NULL, "everything measured as JSON" },
 	{ NULL, NULL, NULL },
 };
@@ -123,7 +124,7 @@ static const struct bb_cli_option sense_table[] = {
 
 const struct bb_command bb_cmd_phase_measure = { "phase measure",
 	                                         "Phase, skew, eye order and crosstalk from what light sensors recorded",
-	                                         "FILE.csv|DIR [--room ROOM] [--plot FILE.png] [--json]", measure_options,
+	                                         "FILE.csv|DIR [--room ROOM] [--png FILE] [--json]", measure_options,
 	                                         1, 1, run_measure };
 const struct bb_command bb_cmd_phase_sense = { "phase sense", "What light sensors would record in a simulated room",
 	                                       "ROOM --out FILE.csv [--png-frames DIR]", sense_table, 1, 1, run_sense };

@@ -277,11 +277,12 @@ static enum bb_status begin_stage(struct stage *s, const struct sim_look *look, 
 {
 	enum bb_status status = choose_screens(s, err);
 
-	if (status == BB_OK)
-		status = open_stage(s, look, err);
+	if (status != BB_OK)
+		return status;
+	plan_shows(s);
+	status = open_stage(s, look, err);
 	if (status == BB_OK && (status = set_phases(s)) != BB_OK)
 		status = bb_fail(err, status, 1640, NULL, "the chain: %s", bb_status_text(status));
-	plan_shows(s);
 	return status;
 }
 
