@@ -148,6 +148,63 @@ static inline struct optics_scene *scene_record(const struct bb_room *room, cons
 	return s;
 }
 
+/* The same room before a high-speed camera, three times: without glasses and through either lens. */
+static inline struct optics_scene *scene_film(const struct bb_room *room, const struct optics_truth *truth)
+{
+	const size_t screens[SCENE_SCREENS] = { 0, 1 };
+	const struct sim_look look = sim_look_camera();
+	struct optics_scene *s = calloc(1, sizeof(*s));
+
+	assert_non_null(s);
+	s->room = room;
+	s->truth = *truth;
+	scene_shows(s);
+	s->recording.bandwidth_hz = 0;
+	s->recording.n_channels = (size_t)BB_LENS_COUNT * BB_BANDS;
+	const int64_t end_ns = s->recording.show[s->recording.n_shows - 1].to_ns;
+	s->n_rows = (size_t)(end_ns / 1000000) + 4;
+	s->at_ns = calloc(s->n_rows, sizeof(*s->at_ns));
+	s->volts = calloc(s->n_rows * s->recording.n_channels, sizeof(*s->volts));
+	assert_true(s->at_ns && s->volts);
+	size_t rows = 0;
+	for (uint8_t lens = 0; lens < BB_LENS_COUNT; lens++) {
+		const struct sim_eye_camera_config config = sim_eye_camera_default((enum bb_lens)lens);
+		struct sim_eye_camera camera;
+		struct sim_optics *o;
+		struct sim_rng rng;
+		int64_t n = 0;
+		s->recording.aperture_us = config.exposure_us;
+		sim_rng_seed(&rng, truth->seed, "edges", "scene");
+		assert_int_equal(sim_optics_create(room, screens, SCENE_SCREENS, &look, &o), BB_OK);
+		sim_eye_camera_init(&camera, &config, o, 0, (enum bb_lens)lens, truth->seed + lens, 0);
+		for (rows = 0; sim_eye_camera_next_ns(&camera) < end_ns; rows++) {
+			uint8_t grey[SIM_CAMERA_HEIGHT * SIM_CAMERA_WIDTH];
+			while ((double)n * scene_edge_ns(s) < (double)sim_eye_camera_next_ns(&camera) + 2 * scene_edge_ns(s)) {
+				for (size_t i = 0; i < s->recording.n_shows; i++)
+					if ((double)n * scene_edge_ns(s) >= (double)s->recording.show[i].from_ns && n % 2 == 0)
+						sim_optics_show(o, 0, s->recording.show[i].pattern);
+				scene_tell(s, o, &rng, n++);
+			}
+			s->at_ns[rows] = sim_eye_camera_expose(&camera, grey);
+			for (size_t band = 0; band < BB_BANDS; band++) {
+				double sum = 0;
+				for (size_t i = 0; i < 2 * SIM_CAMERA_WIDTH; i++)
+					sum += grey[band * 9 * SIM_CAMERA_WIDTH + i];
+				s->volts[rows * s->recording.n_channels + lens * BB_BANDS + band] = sum / (2 * SIM_CAMERA_WIDTH);
+			}
+		}
+		for (uint8_t band = 0; band < BB_BANDS; band++) {
+			struct bb_channel *c = &s->recording.channel[lens * BB_BANDS + band];
+			strcpy(c->wall, room->walls[0].id);
+			c->spot = band;
+			c->lens = lens;
+		}
+		sim_optics_destroy(o);
+	}
+	s->n_rows = rows;
+	return s;
+}
+
 static inline void scene_analyse(struct optics_scene *s)
 {
 	assert_int_equal(bb_analyser_create(&s->recording, &s->analyser), BB_OK);

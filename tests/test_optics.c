@@ -365,6 +365,36 @@ static void knows_what_it_does_not_know(void **state)
 	bb_room_free(room);
 }
 
+/* A thousand pictures a second, 8 bits, half of the time exposed: slower to know the same. */
+static void measures_with_a_camera(void **state)
+{
+	struct bb_room *room = load("rooms/cabin120.yaml");
+	struct optics_truth t = plain(room);
+	(void)state;
+
+	t.vblank_ns[0] = 30000;
+	struct optics_scene *s = scene_film(room, &t), *diode = scene_record(room, &t, looked_at);
+	scene_analyse(s);
+	scene_analyse(diode);
+	const struct bb_optics_wall *w = &s->result.wall[0];
+	assert_int_equal(w->order, BB_ORDER_RIGHT);
+	for (int b = 0; b < BB_BANDS; b++)
+		for (int eye = 0; eye < 2; eye++) {
+			const struct bb_estimate rise = w->band[b].white[eye].rise_ns, c = w->band[b].crosstalk[eye];
+			const struct bb_estimate judge = diode->result.wall[0].band[BB_SPOT_MIDDLE].crosstalk[eye];
+			const double vblank = bb_display_vblank_us(&room->screens[0].display) * 1e3, edge = scene_edge_ns(s);
+			const double want = scene_phase_ns(s, eye * edge + t.vblank_ns[0] + vblank, 2 * edge);
+			const double off = remainder(rise.value - want, 2 * edge);
+			if (!w->band[b].white[eye].found || !(fabs(off) < 100e3) || !(fabs(off) < 4 * rise.sigma) ||
+			    !(fabs(c.value - judge.value) < 0.2))
+				fail_msg("band %d eye %d: rise off by %.0f +- %.0f ns, crosstalk %.3f, photodiode %.3f", b, eye, off,
+				         rise.sigma, c.value, judge.value);
+		}
+	scene_free(s);
+	scene_free(diode);
+	bb_room_free(room);
+}
+
 /* Noise alone has no period; a constant has neither. */
 static void finds_nothing_in_nothing(void **state)
 {
@@ -425,7 +455,7 @@ int main(void)
 		cmocka_unit_test(sees_swapped_eyes),                 cmocka_unit_test(does_not_clamp_negative_crosstalk),
 		cmocka_unit_test(follows_scan_out),                  cmocka_unit_test(tells_two_rates_apart),
 		cmocka_unit_test(knows_what_it_does_not_know),       cmocka_unit_test(finds_nothing_in_nothing),
-		cmocka_unit_test(tags_count),
+		cmocka_unit_test(tags_count),                        cmocka_unit_test(measures_with_a_camera),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
