@@ -107,6 +107,42 @@ enum bb_status bb_image_write_png(const struct bb_image *img, const char *path, 
 	return st;
 }
 
+static enum bb_status read_pixels(png_image *png, size_t most_pixels, struct bb_image *out, const struct bb_where *where,
+                                  struct bb_error *err)
+{
+	if ((uint64_t)png->width * png->height > most_pixels)
+		return bb_fail(err, BB_ERR_RANGE, 1641, where, "%" PRIu32 "x%" PRIu32 " pixels are too many", png->width,
+		               png->height);
+	const enum bb_status st = bb_image_create(png->width, png->height, out);
+	if (st != BB_OK)
+		return bb_fail(err, st, st == BB_ERR_NOMEM ? 1702 : 1641, where, "%" PRIu32 "x%" PRIu32 " pixels", png->width,
+		               png->height);
+	png->format = PNG_FORMAT_RGBA;
+	if (png_image_finish_read(png, NULL, out->rgba, 0, NULL))
+		return BB_OK;
+	bb_image_release(out);
+	return bb_fail(err, BB_ERR_FORMAT, 1641, where, "%s", png->message);
+}
+
+enum bb_status bb_image_read_png(const char *path, size_t most_pixels, struct bb_image *out, struct bb_error *err)
+{
+	const struct bb_where where = { .file = path };
+	png_image png = { .version = PNG_IMAGE_VERSION };
+	FILE *f = fopen(path, "rbe");
+	enum bb_status st;
+
+	*out = (struct bb_image){ 0 };
+	if (!f)
+		return bb_fail(err, BB_ERR_IO, 1641, &where, "%s", strerror(errno));
+	if (png_image_begin_read_from_stdio(&png, f))
+		st = read_pixels(&png, most_pixels, out, &where, err);
+	else
+		st = bb_fail(err, BB_ERR_FORMAT, 1641, &where, "%s", png.message);
+	png_image_free(&png);
+	fclose(f);
+	return st;
+}
+
 /* Largest difference of a channel of one pixel; the squares are added to *squares. */
 static unsigned pixel_difference(const uint8_t *a, const uint8_t *b, uint64_t *squares)
 {

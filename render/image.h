@@ -17,6 +17,10 @@ void bb_image_release(struct bb_image *img);
 /* Written to a temporary name and renamed: old or new, never a part. RGB only, alpha dropped. */
 BB_MUST_CHECK enum bb_status bb_image_write_png(const struct bb_image *img, const char *path, struct bb_error *err);
 
+/* A PNG of any kind as 8-bit RGB in rgba with alpha 255; refused above that many pixels. 1641: cannot be read. */
+BB_MUST_CHECK enum bb_status bb_image_read_png(const char *path, size_t most_pixels, struct bb_image *out,
+                                               struct bb_error *err);
+
 struct bb_image_difference {
 	double psnr_db;         /* 8-bit RGB over the pixels where b's (the reference's) alpha exceeds 1/255, peak 255; 200 when equal */
 	bool identical;         /* on those pixels */

@@ -1,6 +1,8 @@
 /* bench/loop/loop.c: takes and gives back everything the loop needs, and lets the clock run. */
 #include "bench/loop/loop.h"
 
+#include "sync/plan.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -256,8 +258,10 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	l->head_inbox = (struct bb_timer){ .step = bb_head_inbox, .rank = 3 };
 	l->deadline = (struct bb_timer){ .step = bb_head_deadline, .rank = 4 };
 	bb_streaming_begin(l);
-	if (l->rig->shutter)
+	if (l->rig->shutter) {
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
+		bb_polarity_init(&l->polarity, l->room->chain.rate);
+	}
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
@@ -266,6 +270,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
 		status = create_tracker(l);
+	if (status == BB_OK)
+		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
@@ -291,6 +297,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->target);
 	}
 	bb_tracker_destroy(l->tracker);
+	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
 	free(l->nodes);
 	free(l->camera_map);
@@ -328,17 +335,17 @@ static enum bb_status set_phase(struct bb_shutter *sh, uint8_t stage, double del
 /* As the room says, which is what `blackburst phase` plans: shutters before projectors, and the glasses. */
 static enum bb_status start_shutters(struct bb_frame_loop *l)
 {
-	const struct bb_shutter_config *c = &l->room->chain;
-	const double glasses = 1 - c->token_gap_us * 1e-6 * bb_rate_hz(c->rate);
+	const struct bb_plan_timing t = bb_plan_configured(&l->room->chain);
+	const double hz = bb_rate_hz(l->room->chain.rate) * 1e-6;
 	enum bb_status status = BB_OK;
 
 	if (!l->rig->shutter)
 		return BB_OK;
-	l->phase.planned_ns = (int64_t)((c->shutter_delay_us - c->emitter_offset_us) * 1e3);
-	for (uint8_t i = 0; i < c->n_stages && status == BB_OK; i++)
-		status = set_phase(l->rig->shutter, i, c->shutter_delay_us, c->shutter_duty_percent / 100);
+	l->phase.planned_ns = (int64_t)((t.shutter_at_us - t.glasses_at_us) * 1e3);
+	for (uint8_t i = 0; i < l->room->chain.n_stages && status == BB_OK; i++)
+		status = set_phase(l->rig->shutter, i, t.shutter_at_us, t.shutter_open_us * hz);
 	if (status == BB_OK)
-		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, c->emitter_offset_us, glasses);
+		status = set_phase(l->rig->shutter, BB_STAGE_EMITTER, t.glasses_at_us, t.glasses_open_us * hz);
 	if (status == BB_OK)
 		status = bb_shutter_set_mode(l->rig->shutter, BB_SHUTTER_STEREO);
 	return status;

@@ -16,6 +16,7 @@
 #include "hal/profile.h"
 #include "render/stream/io.h"
 #include "bench/ledger.h"
+#include "bench/loop/crosstalk.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
 #include "bench/run.h"
@@ -23,6 +24,7 @@
 #include "sim/world.h"
 #include "sync/barrier.h"
 #include "sync/phase.h"
+#include "sync/polarity.h"
 #include "sync/track/tracker.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
@@ -115,6 +117,8 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
+	struct bb_polarity polarity;
+	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
 	struct bb_barrier barrier;
 	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */

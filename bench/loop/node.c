@@ -408,6 +408,7 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 					continue;
 				}
 				bb_node_note_flip(l, n->screens[s], &flips[i]);
+				bb_crosstalk_flip(l->crosstalk, n->screens[s], &flips[i]);
 				if (!s)
 					bb_ledger_mark(l->ledger, BB_TRACK_VSYNC, n->screens[s], flips[i].at_ns,
 					               (int32_t)flips[i].seq, flips[i].eye);

@@ -46,10 +46,37 @@ static int inverted_stage(const struct bb_phase *p)
 	return -1;
 }
 
+/* One look a frame: at a stage that disagrees with the glasses, or else at any that can be compared with them. */
+static enum bb_polarity_verdict see_polarity(struct bb_frame_loop *l, int stage)
+{
+	const struct bb_phase *p = &l->phase;
+	unsigned i = stage < 0 ? 0 : (unsigned)stage;
+
+	while (stage < 0 && i < p->n_stages && !p->stage[i].paired)
+		i++;
+	if (i == p->n_stages)
+		return l->polarity.verdict;
+	const uint64_t flips = l->polarity.flips;
+	const enum bb_eye wall = (enum bb_eye)p->stage[i].eye, other = wall == BB_EYE_LEFT ? BB_EYE_RIGHT : BB_EYE_LEFT;
+	const enum bb_eye glasses = wall == BB_EYE_NONE || stage < 0 ? wall : other;
+	const enum bb_polarity_verdict v =
+		bb_polarity_see(&l->polarity, BB_POLARITY_LEVEL, p->stage[i].at_ns, wall, wall ? glasses : BB_EYE_LEFT);
+
+	if (l->polarity.flips > flips)
+		bb_result_count(l->result, "polarity_flips", 1);
+	return v;
+}
+
 static void watch_polarity(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
 	const int stage = inverted_stage(&l->phase);
+	const enum bb_polarity_verdict v = see_polarity(l, stage);
 
+	if (v == BB_POLARITY_UNTAGGED) {
+		bb_watch_bad(l->watch, l->polarity_slot, now_ns, BB_HEALTH_DEGRADED,
+		             "eye polarity unknown: no edge tells whose eye it is");
+		return;
+	}
 	if (stage < 0) {
 		bb_watch_good(l->watch, l->polarity_slot, now_ns);
 		return;
@@ -105,6 +132,7 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 	while ((status = bb_shutter_read(l->rig->shutter, edges, READ_AT_ONCE, &n)) == BB_OK) {
 		for (size_t i = 0; i < n; i++) {
 			bb_phase_edge(&l->phase, &edges[i]);
+			bb_crosstalk_edge(l->crosstalk, &edges[i]);
 			if (edges[i].stage == BB_STAGE_EMITTER)
 				l->edge_ns = edges[i].at_ns;
 			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye,
@@ -121,6 +149,7 @@ void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_n
 	if (!l->rig->shutter)
 		return;
 	bb_shutters_feed(l, now_ns);
+	bb_crosstalk_frame(l->crosstalk, f->frame, now_ns, l->ledger);
 	sample_phase(l, f, now_ns);
 	watch_polarity(l, f, now_ns);
 	watch_edges(l, now_ns);

@@ -1,0 +1,65 @@
+#!/bin/sh
+# Sensors in a simulated room, and what is found in what they record; crosstalk in runs at fidelity 2.
+. tests/cli.sh.inc
+
+exits() { # CODE COMMAND...
+	want=$1
+	shift
+	"$@" >"$work/out" 2>&1
+	code=$?
+	[ "$code" = "$want" ] || { echo "exit $code, want $want"; tail -5 "$work/out"; return 1; }
+}
+says() { # CODE ERROR COMMAND...
+	exits "$1" "$program" phase measure "$3" && grep -q "BB$2" "$work/out"
+}
+close_to_plan() { # every phase within 60 us: the controllers' own errors
+	"$program" phase measure "$1" --room "$2" --json >"$work/m.json"
+	[ "$(field "$work/m.json" 'r["verdict"] == "PASS" and len(r["walls"]) == 2 and all(abs(c["value"]["value"]) < 60 for c in r["checks"] if "phase" in c["what"])')" = True ]
+}
+
+# The cabins with two of their walls.
+cp -r rooms/profiles "$work"
+python3 - "$work" <<'PY'
+import re, sys
+for name in "cabin", "cabin120":
+    text = open(f"rooms/{name}.yaml").read()
+    for wall in "right", "back", "floor":
+        text = re.sub(rf"  - id: {wall} .*?(?=  - id: |\n\n)|  - id: {wall}\n.*?(?=  - id: |\n\n)", "", text, flags=re.S)
+    text = text.replace("stages: [front, left, right, back, floor]", "stages: [front, left]")
+    text = re.sub(r"\nmonitors:.*?(?=\n\n)|\npower:.*?(?=\n\n)|\ngamepads:.*?(?=\n\n)", "", text, flags=re.S)
+    open(f"{sys.argv[1]}/{name}.yaml", "w").write(text)
+planned = open(f"{sys.argv[1]}/cabin120.yaml").read()
+open(f"{sys.argv[1]}/planned.yaml", "w").write(planned.replace("offset_us: 3000}", "offset_us: 70.3, token_gap_us: 130}"))
+PY
+for room in cabin cabin120; do
+	check "sense $room" exits 0 "$program" phase sense "$work/$room.yaml" --out "$work/$room.csv"
+	check "measure $room: as planned" close_to_plan "$work/$room.csv" "$work/$room.yaml"
+done
+check "the same seed gives the same bytes" exits 0 sh -c "'$program' phase sense '$work/cabin120.yaml' --out '$work/again.csv' && cmp '$work/cabin120.csv' '$work/again.csv'"
+check "a plot" exits 0 "$program" phase measure "$work/cabin120.csv" --png "$work/plot.png"
+"$program" phase sense "$work/cabin120.yaml" --swapped --cycles 9 --out "$work/swapped.csv" >/dev/null
+check "swapped glasses fail" exits 1 "$program" phase measure "$work/swapped.csv"
+"$program" phase sense "$work/cabin120.yaml" --configured --cycles 9 --out "$work/bad.csv" >/dev/null
+check "the file's own timing has too much crosstalk" exits 1 "$program" phase measure "$work/bad.csv" --room "$work/cabin120.yaml" --configured
+sed 's/max_percent: 2}/max_percent: 0.6}/' "$work/cabin120.yaml" >"$work/tight.yaml"
+"$program" phase sense "$work/cabin120.yaml" --noise 30 --cycles 9 --out "$work/noisy.csv" >/dev/null
+check "a limit within the uncertainty is undecided" exits 6 "$program" phase measure "$work/noisy.csv" --room "$work/tight.yaml"
+"$program" phase sense "$work/cabin120.yaml" --png-frames "$work/frames" --lens left --cycles 9 >/dev/null
+"$program" phase measure "$work/frames" --json >"$work/m.json"
+check "a camera sees the same crosstalk" [ "$(field "$work/m.json" '0.1 < r["walls"][0]["bands"][0]["crosstalk_percent"]["value"] < 0.5')" = True ]
+rm "$work/frames/000000.png"
+check "a picture is missing" says 2 1641 "$work/frames"
+head -c 100000 "$work/cabin120.csv" >"$work/cut.csv"
+check "a cut file" says 2 1637 "$work/cut.csv"
+check "no recording" says 2 1630 rooms/cabin.yaml
+check "a room without shutters" exits 2 "$program" phase sense rooms/desk.yaml --out "$work/x.csv"
+
+fidelity2() { # ROOM
+	exits "$1" "$program" run "$2" "$scene" --duration 2 --fidelity displays=2 --fidelity shutters=2 --no-pictures --quiet --out "$work/run"
+}
+check "a run at fidelity 2 holds the crosstalk budget" fidelity2 0 "$work/planned.yaml"
+check "as planned" [ "$(field "$work/run/result.json" '[0.2 < b["value"] < 0.35 for b in r["budgets"] if b["metric"] == "crosstalk"]')" = "[True]" ]
+check "with the emitter as in the file it does not" fidelity2 1 "$work/cabin120.yaml"
+check "at fidelity 1 it is not judged" exits 0 "$program" run "$work/cabin120.yaml" "$scene" --duration 1 --no-pictures --quiet --out "$work/run"
+check "and says so" [ "$(field "$work/run/result.json" '[b["verdict"] for b in r["budgets"] if b["metric"] == "crosstalk"]')" = "['SKIP']" ]
+finish
