@@ -331,13 +331,13 @@ static enum bb_status check_config(struct shutter_can *s)
 	                                 .n_stages = s->base.config.n_stages };
 	if (period_ns < l->least_period_ns || period_ns > l->most_period_ns)
 		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "a period of %lld ns", (long long)period_ns);
-	if (!(c->open_us >= 0 && c->close_us >= 0 && c->open_us + c->close_us < 1e6 && c->emitter_offset_us >= 0 &&
+	if (!(bb_cell_moves(&c->cell) && bb_cell_moves(&c->glasses) && c->emitter_offset_us >= 0 &&
 	      c->emitter_offset_us * 1000 < (double)period_ns && c->stage_delay_us >= 0 &&
 	      c->stage_delay_us * 1000 * (double)(c->n_stages + 1) < (double)period_ns))
 		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "a delay out of range");
 	l->stamp_error_ns = llround(s->opt.stamp_error_us * 1000);
-	l->open_ns = llround(c->open_us * 1000);
-	l->close_ns = llround(c->close_us * 1000);
+	l->open_ns = llround(c->cell.open_us * 1000);
+	l->close_ns = llround(c->cell.close_us * 1000);
 	s->period_ns = (double)period_ns;
 	return BB_OK;
 }

@@ -291,8 +291,8 @@ static enum bb_status check_config(struct bb_shutter *sh)
 		return bb_device_fail(&sh->dev, BB_ERR_CONFIG, "open", "%lld stages", (long long)c->n_stages);
 	if (period_ns < l->least_period_ns || period_ns > l->most_period_ns)
 		return bb_device_fail(&sh->dev, BB_ERR_RANGE, "open", "a period of %lld ns", (long long)period_ns);
-	if (!(c->emitter_offset_us >= 0 && c->open_us >= 0 && c->close_us >= 0 &&
-	      c->emitter_offset_us + c->open_us + c->close_us < 1e6))
+	if (!(bb_cell_moves(&c->cell) && bb_cell_moves(&c->glasses) && c->emitter_offset_us >= 0 &&
+	      c->emitter_offset_us < 1e6))
 		return bb_device_fail(&sh->dev, BB_ERR_RANGE, "open", "a delay out of range");
 	return BB_OK;
 }
@@ -308,8 +308,8 @@ static enum bb_status open_on(struct bb_shutter *sh, const struct bb_open *open,
 	enum bb_status status = check_config(sh);
 	if (status != BB_OK)
 		return status;
-	sh->limits.open_ns = llround(sh->config.open_us * 1000);
-	sh->limits.close_ns = llround(sh->config.close_us * 1000);
+	sh->limits.open_ns = llround(sh->config.cell.open_us * 1000);
+	sh->limits.close_ns = llround(sh->config.cell.close_us * 1000);
 	status = read_uri(&o, &s->request, open->uri, &err);
 	if (status != BB_OK)
 		return bad(sh, open, status, &err);

@@ -9,6 +9,8 @@
 #include "hal/shutter.h"
 
 enum bb_display_kind { BB_DISPLAY_LCD, BB_DISPLAY_DLP, BB_DISPLAY_STROBED };
+/* Which row changes first. GLOBAL: all at once at the end of vblank. */
+enum bb_scan { BB_SCAN_DOWN, BB_SCAN_UP, BB_SCAN_GLOBAL };
 enum bb_stereo { BB_STEREO_MONO, BB_STEREO_DUAL_PROJECTOR, BB_STEREO_FRAME_SEQUENTIAL };
 
 struct bb_display_config {
@@ -22,7 +24,19 @@ struct bb_display_config {
 	bool genlock;                 /* scan-out locked to the room's reference */
 	double rate_error_ppm;        /* sim: of a display that is not genlocked; NAN: drawn from the seed within +-20 */
 	int64_t width_px, height_px;
+	/* Optics, seen from the start of vblank of the frame that brings a picture. A room file's reader fills in what
+	 * the kind says where a key is missing; see docs/rooms.md. */
+	enum bb_scan scan;            /* row y changes at vblank + y * (period - vblank), y = 0 the first row scanned */
+	double pixel_rise_us, pixel_fall_us; /* 10-90 %, exponential */
+	double dark_us;               /* dlp: no light for the last so many us before the next picture */
+	double strobe_at_us, strobe_us; /* strobed: light from strobe_at for strobe_us of every frame, modulo a period */
 };
+
+/* Vertical blanking as configured, or its default. */
+static inline double bb_display_vblank_us(const struct bb_display_config *c)
+{
+	return c->vblank_us > 0 ? c->vblank_us : 1e6 / bb_rate_hz(c->rate) / 25;
+}
 
 struct bb_display_limits {
 	int64_t period_ns, vblank_ns;

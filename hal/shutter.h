@@ -14,6 +14,20 @@ enum bb_eye { BB_EYE_NONE, BB_EYE_LEFT, BB_EYE_RIGHT };
 #define BB_STAGES_MAX 32
 #define BB_STAGE_EMITTER 255
 
+/* A liquid-crystal cell. Light follows 1 - exp(-t / tau) when it opens and exp(-t / tau) when it closes, tau = the
+ * 10-90 % time / ln 9. */
+struct bb_cell {
+	double open_us, close_us;    /* 10-90 %; opening is slower */
+	double contrast;             /* light let through open : closed */
+	double transmission_percent; /* open */
+};
+
+/* Times a cell can have at all: what every back end asks before it opens. */
+static inline bool bb_cell_moves(const struct bb_cell *c)
+{
+	return c->open_us >= 0 && c->close_us >= 0 && c->open_us + c->close_us < 1e6;
+}
+
 struct bb_shutter_config {
 	char id[BB_ID_MAX];          /* "chain" */
 	char device[160];
@@ -22,9 +36,13 @@ struct bb_shutter_config {
 	char stage[BB_STAGES_MAX][BB_ID_MAX]; /* wall ids in chain order */
 	double stage_delay_us;       /* per stage of the chain, nominal, compensated by set_phase */
 	double rate_error_ppm, jitter_us; /* of the sync generator (sim) */
-	double open_us, close_us;    /* 10-90 % transition; opening is slower */
+	struct bb_cell cell;         /* external shutters before dual projectors */
+	struct bb_cell glasses;
+	double shutter_delay_us;     /* a stage opens this long after its sync edge, chain delay compensated ... */
+	double shutter_duty_percent; /* ... and stays open for this share of an edge period */
 	char emitter_protocol[BB_ID_MAX];
-	double emitter_offset_us;    /* glasses switch this long after the sync edge */
+	double emitter_offset_us;    /* glasses switch this long after the sync edge: one lens opens */
+	double token_gap_us;         /* the other lens has closed this long before */
 };
 
 struct bb_shutter_limits {

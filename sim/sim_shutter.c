@@ -66,9 +66,11 @@ static uint8_t stage_number(const struct sim_shutter *s, const struct stage *st)
 
 /* Optics */
 
-static double follow(const struct sim_shutter *s, double light, bool opening, int64_t dt_ns)
+static double follow(const struct sim_shutter *s, const struct stage *st, double light, bool opening, int64_t dt_ns)
 {
-	const double edge_ns = (opening ? s->base.config.open_us : s->base.config.close_us) * 1000;
+	const struct bb_shutter_config *config = &s->base.config;
+	const struct bb_cell *c = stage_number(s, st) == BB_STAGE_EMITTER ? &config->glasses : &config->cell;
+	const double edge_ns = (opening ? c->open_us : c->close_us) * 1000;
 	const double left = edge_ns > 0 ? exp(-(double)dt_ns * LN9 / edge_ns) : 0;
 
 	return opening ? 1 - (1 - light) * left : light * left;
@@ -81,13 +83,13 @@ static double light_at(const struct sim_shutter *s, const struct stage *st, cons
 	const double light = from->light[eye];
 
 	if (from->eye == BB_EYE_NONE)
-		return follow(s, light, true, dt_ns);
+		return follow(s, st, light, true, dt_ns);
 	if (from->eye != BB_EYE_LEFT + eye)
-		return follow(s, light, false, dt_ns);
+		return follow(s, st, light, false, dt_ns);
 	const int64_t open_ns = bb_rate_period_ns(s->base.config.rate) / 1000 * st->duty_ppm / 1000;
 	if (st->duty_ppm == 1000000 || dt_ns <= open_ns)
-		return follow(s, light, true, dt_ns);
-	return follow(s, follow(s, light, true, open_ns), false, dt_ns - open_ns);
+		return follow(s, st, light, true, dt_ns);
+	return follow(s, st, follow(s, st, light, true, open_ns), false, dt_ns - open_ns);
 }
 
 static const struct state *state_at(const struct stage *st, int64_t at_ns)
@@ -296,8 +298,8 @@ static enum bb_status check_config(struct sim_shutter *s)
 		return bb_device_fail(&s->base.dev, BB_ERR_CONFIG, "open", "%lld stages", (long long)c->n_stages);
 	if (period_ns < l->least_period_ns || period_ns > l->most_period_ns)
 		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "a period of %lld ns", (long long)period_ns);
-	if (!(c->open_us >= 0 && c->close_us >= 0 && c->jitter_us >= 0 && c->emitter_offset_us >= 0 &&
-	      c->stage_delay_us >= 0 && c->open_us + c->close_us + c->jitter_us + c->emitter_offset_us < 1e6 &&
+	if (!(bb_cell_moves(&c->cell) && bb_cell_moves(&c->glasses) && c->jitter_us >= 0 && c->emitter_offset_us >= 0 &&
+	      c->stage_delay_us >= 0 && c->jitter_us + c->emitter_offset_us < 1e6 &&
 	      c->stage_delay_us < 1e5 && fabs(c->rate_error_ppm) <= 1000))
 		return bb_device_fail(&s->base.dev, BB_ERR_RANGE, "open", "a delay or rate error out of range");
 	return BB_OK;
@@ -318,8 +320,8 @@ static enum bb_status shutter_open(struct bb_shutter *sh, const struct bb_open *
 		status = check_config(s);
 	if (status != BB_OK)
 		return status;
-	sh->limits.open_ns = llround(c->open_us * 1000);
-	sh->limits.close_ns = llround(c->close_us * 1000);
+	sh->limits.open_ns = llround(c->cell.open_us * 1000);
+	sh->limits.close_ns = llround(c->cell.close_us * 1000);
 	sh->limits.n_stages = c->n_stages;
 	s->n_stages = (size_t)c->n_stages + 1;
 	s->jitter_ns = s->ideal ? 0 : llround(c->jitter_us * 1000);

@@ -620,7 +620,7 @@ static void nonsense_is_refused(void **state)
 	c.n_stages = 33;
 	assert_int_equal(bb_shutter_open(backend->driver, &c, &open, &sh), BB_ERR_CONFIG);
 	c = b->rig.fix.room.chain;
-	c.open_us = (double)NAN;
+	c.glasses.open_us = (double)NAN;
 	assert_int_equal(bb_shutter_open(backend->driver, &c, &open, &sh), BB_ERR_RANGE);
 	rig_option(&b->rig, "jitter_us", "inf");
 	assert_int_equal(bb_shutter_open(backend->driver, &b->rig.fix.room.chain, &open, &sh), BB_ERR_CONFIG);

@@ -52,7 +52,8 @@ static inline struct bb_shutter_config fixture_chain(void)
 {
 	struct bb_shutter_config c = { .id = "chain", .device = "sim:", .rate = { 120, 1 }, .n_stages = 3,
 		                       .stage = { "front", "left", "right" }, .stage_delay_us = 35,
-		                       .rate_error_ppm = 12, .jitter_us = 2, .open_us = 1800, .close_us = 300,
+		                       .rate_error_ppm = 12, .jitter_us = 2, .cell = { 1800, 300, 500, 30 },
+		                       .glasses = { 1800, 300, 500, 30 },
 		                       .emitter_offset_us = 3000 };
 	return c;
 }

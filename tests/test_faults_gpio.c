@@ -53,7 +53,7 @@ static int64_t now(const struct bench *b)
 
 static enum bb_status open_driver(struct bench *b)
 {
-	const struct bb_shutter_config c = { .id = "chain", .rate = { 120, 1 }, .open_us = 1800, .close_us = 300 };
+	const struct bb_shutter_config c = { .id = "chain", .rate = { 120, 1 }, .cell = { 1800, 300, 500, 30 } };
 	const struct bb_open open = { .clk = b->clk, .uri = &b->uri, .log = &b->log, .seed = 3 };
 
 	return bb_shutter_gpio_open_on(sim_line_opener(b->line), &c, &open, &b->sh);
@@ -640,7 +640,7 @@ static void chip_row(struct chip *c, const char *id, const char *what, const cha
 
 static void rows_on_a_kernels_chip(void **state)
 {
-	const struct bb_shutter_config config = { .id = "chain", .rate = { 120, 1 }, .open_us = 1800, .close_us = 300 };
+	const struct bb_shutter_config config = { .id = "chain", .rate = { 120, 1 }, .cell = { 1800, 300, 500, 30 } };
 	struct chip c = { 0 };
 	struct bb_uri uri;
 

@@ -450,6 +450,7 @@ const struct bb_room_section *bb_room_section(size_t i)
 		{ "walls.display", room_display_options },
 		{ "shutters.chain", room_chain_options },
 		{ "shutters.emitter", room_emitter_options },
+		{ "shutters.glasses", room_glasses_options },
 		{ "cameras", room_camera_options },
 		{ "monitors", room_monitor_options },
 		{ "power", room_pdu_options },

@@ -23,6 +23,7 @@ struct room_wall_draft {
 	const struct bb_yaml_node *at;
 	struct bb_display_config display;
 	double refresh_hz;
+	int scan;                     /* 0: as the kind says, else enum bb_scan + 1 */
 	int64_t width_px, height_px;  /* of one screen */
 	int64_t columns, rows, columns_per_node;
 	double bezel_edge_m, picture_width_m, picture_height_m;
@@ -113,7 +114,7 @@ BB_MUST_CHECK enum bb_status room_check_stereo(struct room_build *b, const struc
 BB_MUST_CHECK enum bb_status room_check_outlets(struct room_build *b, const struct bb_yaml_node *root);
 
 extern const struct bb_option room_wall_options[], room_grid_options[], room_display_options[], room_camera_options[],
-	room_monitor_options[], room_chain_options[], room_emitter_options[], room_pdu_options[], room_outlet_options[],
-	room_gamepad_options[], room_link_options[];
+	room_monitor_options[], room_chain_options[], room_emitter_options[], room_glasses_options[], room_pdu_options[],
+	room_outlet_options[], room_gamepad_options[], room_link_options[];
 
 #endif

@@ -28,21 +28,34 @@ struct chain_draft {
 	double rate_hz;
 };
 
+/* Nematic cells, as active glasses have them: no maker publishes all four, so these are the middle of what is seen
+ * (open 0.5-3 ms, close 0.05-0.5 ms, 300-1500:1, 25-38 %). A ferroelectric FE-1 is said to be 100 us, 1000:1, 25 %. */
+#define CELL(which) \
+	F64("open_us", struct chain_draft, chain.which.open_us, 1200, 0, 8000, "10-90 % of opening"), \
+	F64("close_us", struct chain_draft, chain.which.close_us, 200, 0, 8000, "10-90 % of closing"), \
+	F64("contrast", struct chain_draft, chain.which.contrast, 500, 2, 1e6, "light let through open : closed"), \
+	F64("transmission_percent", struct chain_draft, chain.which.transmission_percent, 30, 1, 100, "when open")
+
 const struct bb_option room_chain_options[] = {
 	TEXT("device", struct chain_draft, chain.device, false, "back end"),
 	F64("rate_hz", struct chain_draft, rate_hz, 120, 50, 1000, "edges a second: two for a stereo pair"),
 	F64("stage_delay_us", struct chain_draft, chain.stage_delay_us, 35, 0, 5000, "from one controller to the next"),
 	F64("rate_error_ppm", struct chain_draft, chain.rate_error_ppm, 0, -1000, 1000, "simulated clock error"),
 	F64("jitter_us", struct chain_draft, chain.jitter_us, 1, 0, 1000, "simulated jitter of the edges, sd"),
-	F64("open_us", struct chain_draft, chain.open_us, 1200, 0, 8000, "10-90 % of opening"),
-	F64("close_us", struct chain_draft, chain.close_us, 200, 0, 8000, "10-90 % of closing"),
+	F64("shutter_delay_us", struct chain_draft, chain.shutter_delay_us, 0, 0, 20000, "opens this long after its edge"),
+	F64("shutter_duty_percent", struct chain_draft, chain.shutter_duty_percent, 100, 1, 100,
+	    "share of an edge period it stays open"),
+	CELL(cell),
 	BB_OPT_END
 };
+
+const struct bb_option room_glasses_options[] = { CELL(glasses), BB_OPT_END };
 
 const struct bb_option room_emitter_options[] = {
 	{ "protocol", BB_OPT_TYPE_TEXT, offsetof(struct chain_draft, chain.emitter_protocol),
 	  SIZE_OF(struct chain_draft, chain.emitter_protocol), 0, 1, 0, 1, "3d-vision", false, "of the glasses" },
 	F64("offset_us", struct chain_draft, chain.emitter_offset_us, 0, 0, 20000, "glasses switch this long after the edge"),
+	F64("token_gap_us", struct chain_draft, chain.token_gap_us, 1000, 0, 20000, "from one lens closing to the other opening"),
 	BB_OPT_END
 };
 
@@ -88,10 +101,16 @@ static enum bb_status read_emitter(struct bb_reader *r, const struct bb_yaml_nod
 	return bb_yaml_walk(r, v, room_emitter_options, NULL, target, 0);
 }
 
+static enum bb_status read_glasses(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
+{
+	return bb_yaml_walk(r, v, room_glasses_options, NULL, target, 0);
+}
+
 enum bb_status room_read_shutters(struct bb_reader *r, const struct bb_yaml_node *value, void *target)
 {
 	static const struct bb_yaml_branch branches[] = { { "chain", read_chain, true },
 		                                          { "emitter", read_emitter, false },
+		                                          { "glasses", read_glasses, false },
 		                                          { NULL, NULL, false } };
 	struct bb_room *room = build_of(r)->room;
 	struct chain_draft d = { 0 };
@@ -100,10 +119,14 @@ enum bb_status room_read_shutters(struct bb_reader *r, const struct bb_yaml_node
 	(void)target;
 	bb_options_defaults(room_chain_options, &d);
 	bb_options_defaults(room_emitter_options, &d);
+	bb_options_defaults(room_glasses_options, &d);
 	status = bb_yaml_walk(r, value, NULL, branches, &d, 0);
 	if (!status && d.chain.emitter_offset_us >= 1e6 / d.rate_hz)
 		status = bb_yaml_fail(r, 1114, value, "the emitter's offset of %g us is longer than a period of %g us",
 		                      d.chain.emitter_offset_us, 1e6 / d.rate_hz);
+	if (!status && fmax(d.chain.shutter_delay_us, d.chain.token_gap_us) >= 1e6 / d.rate_hz)
+		status = bb_yaml_fail(r, 1114, value, "shutter_delay_us and token_gap_us are shorter than a period of %g us",
+		                      1e6 / d.rate_hz);
 	if (status)
 		return status;
 	d.chain.rate = room_rate(d.rate_hz);

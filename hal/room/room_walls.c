@@ -43,6 +43,18 @@ const struct bb_option room_display_options[] = {
 	{ "genlock", BB_OPT_TYPE_BOOL, W(display.genlock), 0, 0, 0, 1, 1, NULL, false, "locked to the room's reference" },
 	{ "rate_error_ppm", BB_OPT_TYPE_F64, W(display.rate_error_ppm), 0, (double)NAN, -1000, 1000, 1, NULL, false,
 	  "simulated clock error; left out: drawn from the seed within +-20" },
+	{ "scan", BB_OPT_TYPE_ENUM, W(scan), 0, 0, 0, 0, 1, "auto|down|up|global", false,
+	  "which row changes first; auto: all of a dlp at once, else from the top down" },
+	{ "pixel_rise_us", BB_OPT_TYPE_F64, W(display.pixel_rise_us), 0, (double)NAN, 0, 50000, 1, NULL, false,
+	  "10-90 % of dark to bright; left out: 20 of a dlp, else 2000" },
+	{ "pixel_fall_us", BB_OPT_TYPE_F64, W(display.pixel_fall_us), 0, (double)NAN, 0, 50000, 1, NULL, false,
+	  "10-90 % of bright to dark; left out: 20 of a dlp, else 1500" },
+	{ "dark_us", BB_OPT_TYPE_F64, W(display.dark_us), 0, (double)NAN, 0, 50000, 1, NULL, false,
+	  "no light at the end of a frame; left out: the vblank of a dlp, else 0" },
+	{ "strobe_at_us", BB_OPT_TYPE_F64, W(display.strobe_at_us), 0, 0, 0, 50000, 1, NULL, false,
+	  "strobed: the light goes on so long after the start of vblank" },
+	{ "strobe_us", BB_OPT_TYPE_F64, W(display.strobe_us), 0, (double)NAN, 1, 50000, 1, NULL, false,
+	  "strobed: for so long; left out: the vblank" },
 	{ "device", BB_OPT_TYPE_TEXT, W(display.device), BB_DEVICE_BYTES, 0, 1, 0, 1, "", false, "back end" },
 	BB_OPT_END
 };
@@ -334,7 +346,31 @@ static struct bb_corners tile_corners(const struct bb_corners *wall, const struc
 	return (struct bb_corners){ bb_corners_at(wall, u0, v0), bb_corners_at(wall, u1, v0), bb_corners_at(wall, u0, v1) };
 }
 
-static void fill_display(const struct room_build *b, const struct room_wall_draft *d, struct bb_screen *s)
+static double or_else(double given, double fallback)
+{
+	return isnan(given) ? fallback : given;
+}
+
+/* What the kind says where the file says nothing. Pixel responses: micromirrors settle in some 10 us; of liquid crystal
+ * no maker's figure is to be trusted, so these are plain parameters, to be replaced by a measurement. */
+static enum bb_status fill_optics(const struct room_build *b, const struct room_wall_draft *d,
+                                  struct bb_display_config *c)
+{
+	const bool dlp = c->kind == BB_DISPLAY_DLP;
+	const double period_us = 1e6 / d->refresh_hz, vblank_us = bb_display_vblank_us(c);
+
+	c->scan = d->scan ? (enum bb_scan)(d->scan - 1) : dlp ? BB_SCAN_GLOBAL : BB_SCAN_DOWN;
+	c->pixel_rise_us = or_else(c->pixel_rise_us, dlp ? 20 : 2000);
+	c->pixel_fall_us = or_else(c->pixel_fall_us, dlp ? 20 : 1500);
+	c->dark_us = or_else(c->dark_us, dlp ? vblank_us : 0);
+	c->strobe_us = or_else(c->strobe_us, vblank_us);
+	if (vblank_us < period_us && c->dark_us < period_us && c->strobe_at_us < period_us && c->strobe_us <= period_us)
+		return BB_OK;
+	return bb_yaml_fail(&b->r, 1121, d->at, "vblank %g, dark %g, strobe %g at %g us in a period of %g us", vblank_us,
+	                    c->dark_us, c->strobe_us, c->strobe_at_us, period_us);
+}
+
+static enum bb_status fill_display(const struct room_build *b, const struct room_wall_draft *d, struct bb_screen *s)
 {
 	s->display = d->display;
 	memcpy(s->display.id, s->id, sizeof(s->display.id));
@@ -344,6 +380,7 @@ static void fill_display(const struct room_build *b, const struct room_wall_draf
 	s->display.height_px = d->height_px;
 	if (!*s->display.device)
 		snprintf(s->display.device, sizeof(s->display.device), "%s", b->device);
+	return fill_optics(b, d, &s->display);
 }
 
 /* All screens of one wall; first_column and total_columns say where it stands in the row the nodes are dealt over. */
@@ -372,7 +409,7 @@ static enum bb_status add_screens(struct room_build *b, const struct room_wall_d
 			snprintf(s->id, sizeof(s->id), "%.23s-%d-%d", wall->id, (int)(column & 255), (int)(row & 255));
 		else
 			memcpy(s->id, wall->id, sizeof(s->id));
-		fill_display(b, d, s);
+		status = fill_display(b, d, s);
 	}
 	return status;
 }

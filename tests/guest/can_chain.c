@@ -229,7 +229,7 @@ int main(int argc, char **argv)
 	static struct watch w;
 	const struct bb_log log = { say, NULL, BB_LOG_WARN };
 	struct bb_shutter_config config = { .id = "chain", .rate = { 120, 1 }, .stage_delay_us = 35,
-		                            .open_us = 1800, .close_us = 300, .emitter_offset_us = 3000 };
+		                            .cell = { 1800, 300, 500, 30 }, .emitter_offset_us = 3000 };
 	struct bb_error err = { 0 };
 	struct bb_uri uri;
 
