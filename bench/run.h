@@ -5,6 +5,8 @@
 #ifndef BB_BENCH_RUN_H
 #define BB_BENCH_RUN_H
 
+#include <signal.h>
+
 #include "bench/result.h"
 #include "sim/faults.h"
 
@@ -24,6 +26,10 @@ struct bb_run_options {
 	int64_t stream_bricks;      /* override; < 0: as the scene says */
 	int64_t plant_draw_ns;      /* test of the gate: added to every draw */
 	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
+	bool allow_flash;           /* run what flashes, and do not judge it */
+	bool dim_flash;             /* darken a scene that would flash until it does not */
+	double dim;                 /* all pictures, 0..1; bb_run sets it when it has to */
+	const volatile sig_atomic_t *stop; /* not 0: open the shutters, stop, report what there is; may be NULL */
 	const struct bb_log *log;
 	void (*progress)(void *ctx, double done_0_1, const char *what); /* may be NULL */
 	void *progress_ctx;

@@ -47,10 +47,22 @@ static enum bb_status node_stall(void *device, const struct sim_fault_args *args
 	return BB_OK;
 }
 
+static enum bb_status node_suspend(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+
+	(void)args;
+	(void)err;
+	if (node)
+		node->suspended += on ? 1 : -1;
+	return BB_OK;
+}
+
 const struct sim_verb sim_node_verbs[] = {
 	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
+	{ "suspend", "", "the process of the node stands still; of the head: the frame loop", "", node_suspend },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
@@ -82,6 +94,11 @@ int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node)
 {
 	return node < w->room->n_nodes && w->nodes[node].stalled > 0;
+}
+
+bool sim_world_node_suspended(const struct sim_world *w, uint16_t node)
+{
+	return node < w->room->n_nodes && w->nodes[node].suspended > 0;
 }
 
 bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns)

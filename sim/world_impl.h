@@ -25,6 +25,7 @@ struct sim_node_state { /* sums over the faults that are set */
 	int64_t slow_ns;
 	int64_t crashed;
 	int64_t stalled;
+	int64_t suspended;
 };
 
 struct sim_viewer_state {

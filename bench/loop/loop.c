@@ -192,6 +192,7 @@ static void take_slots(struct bb_frame_loop *l)
 		l->shutter_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->eyes.slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 	}
 }
 
@@ -248,6 +249,10 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	                l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns, BARRIER_DROP_AFTER);
 	if (status == BB_OK)
 		status = create_tracker(l);
+	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
+		                               .viewer = l->start.p, .drawn = l->draw_everything };
+	if (status == BB_OK && l->rig->needs[BB_CLASS_DISPLAYS] >= 0)
+		status = bb_light_create(&light, &l->light);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
@@ -271,6 +276,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	}
 	bb_tracker_destroy(l->tracker);
 	bb_image_release(&l->canvas);
+	bb_light_destroy(l->light);
 	free(l->nodes);
 	free(l->camera_map);
 	free(l->camera_seq);
@@ -342,6 +348,8 @@ static void start_counts(struct bb_frame_loop *l)
 		bb_ledger_sample(l->ledger, BB_METRIC_TORN_FRAMES, &none);
 	if (l->rig->shutter)
 		bb_ledger_sample(l->ledger, BB_METRIC_EYE_SWAPS, &none);
+	if (l->light)
+		bb_ledger_sample(l->ledger, BB_METRIC_FLASHES, &none);
 }
 
 enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
@@ -368,7 +376,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	start_counts(l);
 	bb_clock_run_until(l->clk, l->scene_start_ns);
 	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
-	l->edge_ns = l->scene_start_ns;
+	bb_eyes_init(l);
+	bb_light_skip(l->light, l->scene_start_ns);
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, l->scene_start_ns));
 	if (status != BB_OK)
