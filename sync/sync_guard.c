@@ -70,22 +70,34 @@ static bool rate_changed(const struct bb_sync_guard *g, const struct bb_phase *p
 	return false;
 }
 
-/* The row that has been silent for longest, if for 1.5 periods. */
+static int64_t heard_ns(const struct bb_sync_guard *g, const struct bb_phase_stage *s)
+{
+	return s->n && s->at_ns > g->runs_ns ? s->at_ns : g->runs_ns;
+}
+
+int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p)
+{
+	int64_t least_ns = heard_ns(g, &p->emitter);
+
+	for (size_t i = 0; i < g->c.n_stages && g->runs_ns != BB_NEVER; i++)
+		least_ns = heard_ns(g, &p->stage[i]) < least_ns ? heard_ns(g, &p->stage[i]) : least_ns;
+	return g->runs_ns == BB_NEVER ? BB_NEVER : least_ns + p->nominal_ns * 3 / 2 + 1;
+}
+
+/* Is some stage silent for 1.5 periods? Who: the glasses, if they are, for then the line is; else who is for longest. */
 static bool silent(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
 {
-	int64_t longest_ns = p->nominal_ns * 3 / 2;
+	g->heard_ns = now_ns - p->nominal_ns * 3 / 2;
 	bool any = false;
 
 	for (size_t i = 0; i <= g->c.n_stages; i++) {
-		const size_t row = i == g->c.n_stages ? BB_STAGES_MAX : i;
-		const struct bb_phase_stage *s = stage_at(p, row);
-		const int64_t heard_ns = s->n && s->at_ns > g->runs_ns ? s->at_ns : g->runs_ns;
-		if (now_ns - heard_ns <= longest_ns)
+		const bool last = i == g->c.n_stages;
+		const int64_t at_ns = heard_ns(g, last ? &p->emitter : &p->stage[i]);
+		if (at_ns >= now_ns - p->nominal_ns * 3 / 2)
 			continue;
-		longest_ns = now_ns - heard_ns;
-		g->silent_stage = row == BB_STAGES_MAX ? BB_STAGE_EMITTER : (unsigned)row;
-		if (!any || heard_ns < g->heard_ns)
-			g->heard_ns = heard_ns;
+		if (at_ns < g->heard_ns || last)
+			g->silent_stage = last ? BB_STAGE_EMITTER : (unsigned)i;
+		g->heard_ns = at_ns < g->heard_ns ? at_ns : g->heard_ns;
 		any = true;
 	}
 	return any;
@@ -230,7 +242,9 @@ static void settle(struct bb_sync_guard *g, bool is_silent, int64_t now_ns)
 
 static void step_try(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, bool is_silent, int64_t now_ns)
 {
-	if (gone || (runs && (now_ns - g->runs_ns > TRY_NS || rate_changed(g, p) || biased(g, now_ns))))
+	const bool broke_off = is_silent && g->heard_ns > g->runs_ns; /* it came, and stays away */
+
+	if (gone || (runs && (broke_off || now_ns - g->runs_ns > TRY_NS || (g->n && rate_changed(g, p)) || biased(g, now_ns))))
 		open_up(g, g->cause, now_ns);
 	else if (runs && !is_silent && g->good >= GOOD_EDGES && all_heard(g, p))
 		enter(g, BB_GUARD_GOOD, now_ns);

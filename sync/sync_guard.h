@@ -68,6 +68,8 @@ void bb_guard_init(struct bb_sync_guard *g, const struct bb_guard_config *c, int
 void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e);
 /* Once a frame. gone: the chain does not answer; runs: the shutters have been told to. */
 enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, int64_t now_ns);
+/* When the next edge of some stage will be missing, if none comes until then. */
+int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p);
 /* How long a silence that began with the last edge may be coasted over. */
 int64_t bb_guard_holdover_ns(const struct bb_sync_guard *g, const struct bb_phase *p);
 

@@ -13,6 +13,7 @@ void bb_eyes_init(struct bb_frame_loop *l)
 	struct bb_eyes *y = &l->eyes;
 	const struct bb_guard_config c = { .safety = l->room->safety };
 
+	y->watch = (struct bb_timer){ .step = bb_eyes_watch, .rank = 3 };
 	y->running = l->rig->shutter != NULL;
 	y->runs = y->running;
 	bb_safe_init(&y->safe, &l->room->safety, bb_light_dim(l->room), BB_SHOW_STEREO, bb_clock_now_ns(l->clk));
@@ -152,16 +153,42 @@ void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns)
 	drive(l, now_ns);
 }
 
+static void show(struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_eyes *y = &l->eyes;
+	const enum bb_show want = bb_guard_step(&y->guard, &l->phase, y->gone, y->running, now_ns);
+
+	y->out = bb_safe_step(&y->safe, want, now_ns);
+	drive(l, now_ns);
+	tell(l, now_ns);
+}
+
+/* Between frames: an edge that does not come is seen 1.5 periods after the last one, not a frame later. */
+int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
+{
+	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, eyes.watch);
+	(void)scheduled_ns;
+
+	if (!l->eyes.running)
+		return BB_NEVER; /* the next frame that runs arms it again */
+	bb_shutters_feed(l, now_ns);
+	const int64_t due_ns = bb_guard_due_ns(&l->eyes.guard, &l->phase);
+	if (due_ns > now_ns)
+		return due_ns;
+	show(l, now_ns);
+	return BB_NEVER;
+}
+
 void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
 	struct bb_eyes *y = &l->eyes;
 
 	if (l->rig->shutter) {
-		const enum bb_show show = bb_guard_step(&y->guard, &l->phase, y->gone, y->running, now_ns);
-		y->out = bb_safe_step(&y->safe, show, now_ns);
-		drive(l, now_ns);
-		tell(l, now_ns);
+		show(l, now_ns);
 		swap_back(l, f);
+		const int64_t due_ns = bb_guard_due_ns(&y->guard, &l->phase);
+		if (y->running && due_ns > now_ns && bb_clock_arm(l->clk, &y->watch, due_ns) != BB_OK)
+			bb_clock_stop(l->clk);
 	}
 	f->mono = l->n_eyes > 1 && y->out.depth < 1;
 	meter(l, now_ns);

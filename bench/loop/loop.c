@@ -262,6 +262,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->send);
 	bb_clock_disarm(l->clk, &l->head_inbox);
 	bb_clock_disarm(l->clk, &l->deadline);
+	bb_clock_disarm(l->clk, &l->eyes.watch);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
@@ -375,8 +376,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		l->camera_seen_ns[i] = l->scene_start_ns;
 	start_counts(l);
 	bb_clock_run_until(l->clk, l->scene_start_ns);
-	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
 	bb_eyes_init(l);
+	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
 	bb_light_skip(l->light, l->scene_start_ns);
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, l->scene_start_ns));

@@ -81,6 +81,7 @@ struct bb_eyes { /* eyes.c */
 	struct bb_safe_output out;        /* of the frame begun last */
 	bool runs, running;               /* the shutters: told with the pictures; told and heard */
 	bool gone;                        /* the chain does not answer */
+	struct bb_timer watch;            /* for an edge that does not come */
 	uint32_t swapped;                 /* by stage: its wall gets the other eye's pictures */
 	size_t slot;
 };
@@ -227,6 +228,7 @@ void bb_eyes_init(struct bb_frame_loop *l);
 void bb_eyes_edge(struct bb_frame_loop *l, const struct bb_shutter_edge *e);
 void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
+int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
