@@ -52,7 +52,11 @@ struct work { /* everything between the files and the result */
 
 static void hash_events(void *ctx, const struct bb_event *events, size_t n)
 {
-	bb_hash_update(ctx, events, n * sizeof(*events));
+	struct work *w = ctx;
+
+	bb_hash_update(&w->hash, events, n * sizeof(*events));
+	if (w->o->events)
+		w->o->events(w->o->events_ctx, events, n);
 }
 
 static void tell(const struct work *w, const char *what)
@@ -170,7 +174,7 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 		status = BB_ERR_NOMEM;
 	if (status != BB_OK)
 		return bb_fail(err, status, 1702, NULL, "the clock");
-	bb_eventlog_init(&w->events, hash_events, &w->hash);
+	bb_eventlog_init(&w->events, hash_events, w);
 	if (any_sim(room))
 		status = sim_world_create(room, w->head, w->wand, w->clk, &w->events, w->o->seed, &w->world);
 	if (status != BB_OK)

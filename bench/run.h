@@ -8,6 +8,7 @@
 #include <signal.h>
 
 #include "bench/result.h"
+#include "hal/eventlog.h"
 #include "sim/faults.h"
 
 struct bb_run_options {
@@ -30,6 +31,8 @@ struct bb_run_options {
 	bool dim_flash;             /* darken a scene that would flash until it does not */
 	double dim;                 /* all pictures, 0..1; bb_run sets it when it has to */
 	const volatile sig_atomic_t *stop; /* not 0: open the shutters, stop, report what there is; may be NULL */
+	void (*events)(void *ctx, const struct bb_event *events, size_t n); /* sees the event log; may be NULL */
+	void *events_ctx;
 	const struct bb_log *log;
 	void (*progress)(void *ctx, double done_0_1, const char *what); /* may be NULL */
 	void *progress_ctx;

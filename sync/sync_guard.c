@@ -6,6 +6,7 @@
 
 #define GOOD_EDGES 8
 #define GOOD_PART 0.02                /* of a period, from one edge to the next */
+#define OFF_PART 0.15                 /* of a period, from its place: beyond, an eye's share of the light moves visibly */
 #define TRY_NS INT64_C(300000000)     /* for so long at most it is listened to */
 #define PROVEN_NS (10 * BB_NS_PER_S)  /* after so long tries start afresh */
 #define DOUBLINGS 4
@@ -24,6 +25,9 @@ void bb_guard_init(struct bb_sync_guard *g, const struct bb_guard_config *c, int
 {
 	memset(g, 0, sizeof(*g));
 	g->c = *c;
+#ifdef BB_SAFE_UNLATCHED /* see hal/safe_state.c */
+	g->c.safety.transition_gap_s = 0;
+#endif
 	g->runs_ns = BB_NEVER;
 	g->since_ns = now_ns;
 }
@@ -40,17 +44,54 @@ static const struct bb_phase_stage *stage_at(const struct bb_phase *p, size_t ro
 
 /* ---- edges ---- */
 
+/* The same eye twice: it has seen for two periods, and the other one for none. */
+static void note_slip(struct bb_sync_guard *g, const struct bb_shutter_edge *e)
+{
+	struct bb_shutter_edge *last = &g->last[row_of(e->stage)];
+	const bool odd = (e->seq - last->seq) % 2;
+
+	if (last->eye && e->eye && last->at_ns > g->runs_ns && odd == (last->eye == e->eye))
+		g->slips[row_of(e->stage)]++;
+	*last = *e;
+}
+
+/* Off the other way than the one before, or for the first time: a new period would be off the same way again and again. */
+static void note_off(struct bb_sync_guard *g, double off_ns, double most_ns)
+{
+	const bool again = g->off_ns * off_ns > 0 && fabs(g->off_ns) > most_ns / 2;
+
+	if (fabs(off_ns) > most_ns && !again)
+		g->slips[BB_STAGES_MAX]++;
+	g->off_ns = off_ns;
+}
+
+/* Of an edge from where the last eight put it, on the mean. */
+static double off_place_ns(const struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e)
+{
+	const uint32_t n = g->n < 8 ? g->n : 8;
+	double sum = 0;
+
+	for (uint32_t i = 1; i <= n; i++) {
+		const uint32_t k = (g->n - i) % BB_GUARD_RING;
+		sum += (double)(e->at_ns - g->ring[k].at_ns) - (double)(int32_t)(e->seq - g->ring[k].seq) * (double)p->nominal_ns;
+	}
+	return sum / n;
+}
+
 void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e)
 {
 	if (e->stage != BB_STAGE_EMITTER && e->stage >= g->c.n_stages)
 		return;
 	bb_lc_edge(&g->lc[row_of(e->stage)], (enum bb_eye)e->eye, e->at_ns);
+	if (stage_at(p, row_of(e->stage))->at_ns == e->at_ns)
+		note_slip(g, e);
 	if (e->stage != BB_STAGE_EMITTER || p->emitter.at_ns != e->at_ns)
 		return; /* one that was not accepted counts as a disturbance, and as nothing else */
 	if (g->n) {
 		const uint32_t last = (g->n - 1) % BB_GUARD_RING;
 		const double steps = (double)(int32_t)(e->seq - g->ring[last].seq);
 		const double off = (double)(e->at_ns - g->ring[last].at_ns) - steps * (double)p->nominal_ns;
+		note_off(g, off_place_ns(g, p, e), OFF_PART * (double)p->nominal_ns);
 		g->good = steps < 2 && fabs(off) < GOOD_PART * (double)p->nominal_ns ? g->good + 1 : 0;
 	}
 	g->ring[g->n % BB_GUARD_RING].seq = e->seq;
@@ -131,25 +172,25 @@ static bool flaps(const struct bb_sync_guard *g, int64_t now_ns)
 	return weight >= FLAPS;
 }
 
-/* Missed and doubled edges since the last step: of the row that has most. */
+/* Missed, doubled and slipped edges since the last step: of the row that has most. */
 static unsigned news(struct bb_sync_guard *g, const struct bb_phase *p)
 {
 	uint64_t most = 0;
 
 	for (size_t i = 0; i <= g->c.n_stages; i++) {
 		const size_t row = i == g->c.n_stages ? BB_STAGES_MAX : i;
-		const uint64_t n = stage_at(p, row)->missed + stage_at(p, row)->doubled;
+		const uint64_t n = stage_at(p, row)->missed + 2 * stage_at(p, row)->doubled + g->slips[row];
 		most = n - g->disturbed[row] > most ? n - g->disturbed[row] : most;
 		g->disturbed[row] = n;
 	}
-	return most > 2 ? 2 : (unsigned)most;
+	return most > FLAPS ? FLAPS : (unsigned)most;
 }
 
-static void note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p, bool is_silent, int64_t now_ns)
+static bool note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p, bool is_silent, int64_t now_ns)
 {
 	const unsigned n = news(g, p);
 
-	if (n && !g->counted)
+	if (n && !g->counted) /* of a silence that is over its own missed edges */
 		disturb(g, n, now_ns);
 	if (is_silent && !g->counted && now_ns - g->heard_ns > p->nominal_ns * 5 / 2) {
 		disturb(g, 2, now_ns);
@@ -159,6 +200,7 @@ static void note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p,
 		g->counted = false;
 	if ((n || is_silent) && p->emitter.n && p->emitter.eye == BB_EYE_NONE)
 		g->parity_lost = true;
+	return n > 0;
 }
 
 /* ---- states ---- */
@@ -198,6 +240,8 @@ static void start_running(struct bb_sync_guard *g, const struct bb_phase *p, int
 	(void)news(g, p); /* numbers that went by while they were open are no disturbance */
 	for (size_t i = 0; i < BB_ARRAY_LEN(g->lc); i++)
 		bb_lc_init(&g->lc[i]);
+	if (g->state == BB_GUARD_TRY)
+		disturb(g, FLAPS - 1, now_ns); /* trying was seen as well: it must be the last for a while */
 }
 
 static bool all_heard(const struct bb_sync_guard *g, const struct bb_phase *p)
@@ -240,11 +284,11 @@ static void settle(struct bb_sync_guard *g, bool is_silent, int64_t now_ns)
 		g->cause = g->parity_lost ? BB_GUARD_PARITY : BB_GUARD_NONE;
 }
 
-static void step_try(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, bool is_silent, int64_t now_ns)
+static void step_try(struct bb_sync_guard *g, const struct bb_phase *p, bool broken, bool runs, bool is_silent, int64_t now_ns)
 {
 	const bool broke_off = is_silent && g->heard_ns > g->runs_ns; /* it came, and stays away */
 
-	if (gone || (runs && (broke_off || now_ns - g->runs_ns > TRY_NS || (g->n && rate_changed(g, p)) || biased(g, now_ns))))
+	if (broken || (runs && (broke_off || now_ns - g->runs_ns > TRY_NS || (g->n && rate_changed(g, p)) || biased(g, now_ns))))
 		open_up(g, g->cause, now_ns);
 	else if (runs && !is_silent && g->good >= GOOD_EDGES && all_heard(g, p))
 		enter(g, BB_GUARD_GOOD, now_ns);
@@ -257,14 +301,13 @@ enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bo
 	else if (g->runs_ns == BB_NEVER)
 		start_running(g, p, now_ns);
 	const bool is_silent = runs && silent(g, p, now_ns);
+	const bool disturbed = runs && note_disturbances(g, p, is_silent, now_ns);
 
-	if (runs)
-		note_disturbances(g, p, is_silent, now_ns);
 	if (g->state == BB_GUARD_OPEN) {
 		if (!gone && now_ns >= g->retry_ns)
 			enter(g, BB_GUARD_TRY, now_ns);
 	} else if (g->state == BB_GUARD_TRY) {
-		step_try(g, p, gone, runs, is_silent, now_ns);
+		step_try(g, p, gone || disturbed, runs, is_silent, now_ns);
 	} else {
 		const enum bb_guard_cause cause = trouble(g, p, gone, is_silent, now_ns);
 		if (cause != BB_GUARD_NONE)

@@ -5,14 +5,15 @@
  *
  *   silence   (row G1) 1.5 periods without an edge of some stage: HOLDOVER for as long as the phase is known to a tenth of
  *             a period and the chain goes on by itself, then open
- *   flaps     disturbances (a missed or doubled edge is 1, a silence 2) that add up to 3 within the transition gap: open
+ *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed or same-eye edge, or one of the
+ *             glasses a tenth of a period off; 2: a doubled edge, a silence
  *   rate      (row G7) half a period off over up to 32 edges: open
  *   gone      the chain does not answer: open
  *   drive     a cell keeps a bias (hal/lc_guard.h): open
  *   parity    (row G8) a disturbance of a chain that does not tell eyes: mono from then on
  *
  * Back to stereo after 8 edges within 2 % of a period, of all stages. While the shutters are open a chain tells no edges,
- * so trying means letting it run, in mono. Pure; fed after sync/phase.h, once a frame. One thread.
+ * so trying means letting it run, in mono, and opening at the first disturbance. Pure; fed after sync/phase.h, once a frame. One thread.
  */
 #ifndef BB_SYNC_SYNC_GUARD_H
 #define BB_SYNC_SYNC_GUARD_H
@@ -56,7 +57,10 @@ struct bb_sync_guard {
 	unsigned n;                  /* of the ring: the emitter's edges since the shutters run */
 	struct { uint32_t seq; int64_t at_ns; } ring[BB_GUARD_RING];
 	struct bb_lc_guard lc[BB_STAGES_MAX + 1]; /* the emitter's is last */
-	uint64_t disturbed[BB_STAGES_MAX + 1];    /* missed and doubled edges that are accounted for */
+	uint64_t slips[BB_STAGES_MAX + 1];        /* edges whose eye is not the other one's; the emitter's: that are off */
+	struct bb_shutter_edge last[BB_STAGES_MAX + 1];
+	double off_ns;                            /* of the emitter's last edge from its place after the one before */
+	uint64_t disturbed[BB_STAGES_MAX + 1];    /* missed, doubled and slipped edges that are accounted for */
 	struct { int64_t at_ns; unsigned weight; } event[BB_GUARD_EVENTS];
 	unsigned n_events;
 	bool counted;                /* the silence under way is among the events */

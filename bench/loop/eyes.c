@@ -18,6 +18,7 @@ void bb_eyes_init(struct bb_frame_loop *l)
 	y->runs = y->running;
 	bb_safe_init(&y->safe, &l->room->safety, bb_light_dim(l->room), BB_SHOW_STEREO, bb_clock_now_ns(l->clk));
 	y->out = y->safe.out;
+	y->sent = y->shown = y->out.light;
 	bb_guard_init(&y->guard, &c, bb_clock_now_ns(l->clk));
 	if (!l->rig->shutter)
 		return;
@@ -124,7 +125,7 @@ static void meter(struct bb_frame_loop *l, int64_t now_ns)
 	if (!l->light)
 		return;
 	bb_light_patch(l->light, (double)(now_ns - l->scene_start_ns) * 1e-9);
-	bb_light_frame(l->light, now_ns, l->eyes.out.light * l->options->dim);
+	bb_light_frame(l->light, now_ns, l->eyes.shown * l->options->dim);
 	const struct bb_flash_worst is = bb_flash_worst(bb_light_meter(l->light));
 	if (!(is.flashes > was.flashes))
 		return;
@@ -153,12 +154,33 @@ void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns)
 	drive(l, now_ns);
 }
 
+static void note_output(struct bb_frame_loop *l, int64_t now_ns)
+{
+	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "eyes", l->room->chain.id), BB_EV_OUTPUT, now_ns,
+	                l->eyes.out.open, llround(1e6 * l->eyes.shown));
+}
+
+/* A frame begins at the vblank that brings the last one's pictures up. */
+static void pass_on_light(struct bb_frame_loop *l, int64_t now_ns)
+{
+	struct bb_eyes *y = &l->eyes;
+	const double was = y->shown;
+
+	y->shown = y->sent;
+	y->sent = y->out.light;
+	if (l->rig->shutter && (was > y->shown || was < y->shown))
+		note_output(l, now_ns);
+}
+
 static void show(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_eyes *y = &l->eyes;
 	const enum bb_show want = bb_guard_step(&y->guard, &l->phase, y->gone, y->running, now_ns);
 
+	const bool was_open = y->out.open;
 	y->out = bb_safe_step(&y->safe, want, now_ns);
+	if (was_open != y->out.open)
+		note_output(l, now_ns);
 	drive(l, now_ns);
 	tell(l, now_ns);
 }
@@ -192,4 +214,5 @@ void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	}
 	f->mono = l->n_eyes > 1 && y->out.depth < 1;
 	meter(l, now_ns);
+	pass_on_light(l, now_ns);
 }

@@ -6,6 +6,7 @@
 
 #include "bench/loop/loop.h"
 
+#define KNOTS 64
 #define WATCHDOG_NS INT64_C(100000000) /* a stage that hears nothing opens by itself (docs/shutter-od.md) */
 #define PATTERN_PX 640                 /* of a wall, when its pattern is drawn to be measured */
 #define PIXEL_STRIDE 3                 /* of a drawn picture every so many pixels of a row and rows are looked at */
@@ -24,6 +25,11 @@ struct wall {
 	double n_screens, n_lit;
 	int64_t at_ns;            /* summed up to here */
 	double sum_ns[2], seen[2];
+	struct knot {             /* the sums as they were when a gate moved */
+		int64_t at_ns;
+		double sum_ns[2];
+	} knot[KNOTS];
+	unsigned n_knots;
 	struct bb_flash_grid grid[2], under[2]; /* under: the patch */
 	struct { double rgb[3], n; } pixel[2][BB_FLASH_CELLS]; /* of the pictures since the last frame */
 	bool fed;
@@ -37,6 +43,7 @@ struct bb_light {
 	uint8_t *dark;            /* by screen */
 	int64_t from_ns;
 	double grey;              /* the patch's */
+	int64_t edge_ns[3];       /* the glasses' last ones, newest first; 0: none */
 };
 
 double bb_light_linear(double c)
@@ -314,9 +321,38 @@ static void settle(struct bb_light *l, struct wall *w, int64_t now_ns)
 
 	if (passed_ns <= 0)
 		return;
+	struct knot *k = &w->knot[w->n_knots++ % KNOTS];
+	*k = (struct knot){ w->at_ns, { w->sum_ns[0], w->sum_ns[1] } };
 	for (int e = 0; e < 2; e++)
 		w->sum_ns[e] += passed_ns * wall * (w->gated ? l->glasses.through[e] : 1);
 	w->at_ns = now_ns;
+}
+
+/* The sum at a time not long ago; between two knots it grows evenly. */
+static double sum_at(const struct wall *w, int e, int64_t at_ns)
+{
+	struct knot next = { w->at_ns, { w->sum_ns[0], w->sum_ns[1] } };
+
+	for (unsigned i = 1; i <= KNOTS && i <= w->n_knots && next.at_ns > at_ns; i++) {
+		const struct knot *k = &w->knot[(w->n_knots - i) % KNOTS];
+		if (k->at_ns <= at_ns && next.at_ns > k->at_ns)
+			return k->sum_ns[e] + (next.sum_ns[e] - k->sum_ns[e]) * (double)(at_ns - k->at_ns) /
+			                              (double)(next.at_ns - k->at_ns);
+		next = *k;
+	}
+	return next.sum_ns[e];
+}
+
+/* A running shutter's light is that of its last whole cycle: any other stretch would hold one eye more than the other.
+ * False: there has been none yet. */
+static bool stretch_of(const struct bb_light *l, const struct wall *w, int64_t now_ns, int64_t *from_ns, int64_t *to_ns)
+{
+	const int64_t period_ns = l->c.room->has_chain ? bb_rate_period_ns(l->c.room->chain.rate) : 0;
+	const bool cycles = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < 2 * period_ns;
+
+	*from_ns = cycles ? l->edge_ns[2] : l->from_ns;
+	*to_ns = cycles ? l->edge_ns[0] : now_ns;
+	return *from_ns > 0;
 }
 
 static void set_gate(struct bb_light *l, int stage, double left, double right, int64_t at_ns)
@@ -339,6 +375,11 @@ void bb_light_edge(struct bb_light *l, const struct bb_shutter_edge *e)
 	struct gate *g = stage < 0 ? &l->glasses : &l->stage[stage];
 	const double either = e->eye == BB_EYE_NONE ? 0.5 : 0; /* one of them, who knows which */
 	set_gate(l, stage, e->eye == BB_EYE_LEFT ? 1 : either, e->eye == BB_EYE_RIGHT ? 1 : either, e->at_ns);
+	if (stage < 0) {
+		l->edge_ns[2] = g->runs ? l->edge_ns[1] : 0;
+		l->edge_ns[1] = g->runs ? l->edge_ns[0] : 0;
+		l->edge_ns[0] = e->at_ns;
+	}
 	g->heard_ns = e->at_ns;
 	g->runs = true;
 }
@@ -381,10 +422,12 @@ void bb_light_skip(struct bb_light *l, int64_t now_ns)
 {
 	for (size_t i = 0; l && i < l->c.room->n_walls; i++) {
 		l->wall[i].at_ns = now_ns;
-		l->wall[i].sum_ns[0] = l->wall[i].sum_ns[1] = 0;
+		l->wall[i].n_knots = 0;
 	}
-	if (l)
+	if (l) {
 		l->from_ns = now_ns;
+		memset(l->edge_ns, 0, sizeof(l->edge_ns));
+	}
 }
 
 void bb_light_frame(struct bb_light *l, int64_t now_ns, double fade)
@@ -395,11 +438,15 @@ void bb_light_frame(struct bb_light *l, int64_t now_ns, double fade)
 		watch_silence(l, now_ns);
 	for (unsigned i = 0; i < l->c.room->n_walls; i++) {
 		struct wall *w = &l->wall[i];
+		const double lit = w->n_screens > 0 ? w->n_lit / w->n_screens : 1;
+		int64_t from_ns, to_ns;
+
 		settle(l, w, now_ns);
 		take_pixels(w);
+		if (!stretch_of(l, w, now_ns, &from_ns, &to_ns))
+			continue;
 		for (unsigned e = 0; e < 2; e++) {
-			w->seen[e] = w->sum_ns[e] / (double)(now_ns - l->from_ns) * (w->n_screens > 0 ? w->n_lit / w->n_screens : 1);
-			w->sum_ns[e] = 0;
+			w->seen[e] = lit * (sum_at(w, (int)e, to_ns) - sum_at(w, (int)e, from_ns)) / (double)(to_ns - from_ns);
 			bb_flash_frame(l->meter, i, e, now_ns, &w->grid[e], w->seen[e] * (l->c.drawn ? 1 : fade));
 		}
 	}

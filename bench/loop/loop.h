@@ -79,6 +79,7 @@ struct bb_eyes { /* eyes.c */
 	struct bb_sync_guard guard;
 	struct bb_safe_state safe;
 	struct bb_safe_output out;        /* of the frame begun last */
+	double sent, shown;               /* light of the pictures: of the last frame; on show since it began */
 	bool runs, running;               /* the shutters: told with the pictures; told and heard */
 	bool gone;                        /* the chain does not answer */
 	struct bb_timer watch;            /* for an edge that does not come */
