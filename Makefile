@@ -105,7 +105,8 @@ run-room:
 
 # ---- tests ----
 
-SCRIPTS := tests/test-check-layers.sh tests/check-man.sh tests/fuzz/check-ledger.sh
+SCRIPTS := tests/test-check-layers.sh tests/check-man.sh tests/fuzz/check-ledger.sh \
+           tests/safety-coverage.sh tests/safety-mutants.py
 
 check:
 	@$(MAKE) --no-print-directory deps

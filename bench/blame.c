@@ -50,6 +50,7 @@ static unsigned metric_blame(enum bb_metric metric)
 	case BB_METRIC_PHASE:
 	case BB_METRIC_EYE_SWAPS:
 	case BB_METRIC_CROSSTALK:
+	case BB_METRIC_FLASHES:
 		return AT_SHUTTER | AT_DISPLAY | AT_NODE;
 	case BB_METRIC_POSE_ERROR:
 	case BB_METRIC_POSE_ANGLE:

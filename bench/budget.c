@@ -242,7 +242,7 @@ enum bb_status bb_result_judge(struct bb_run_result *r)
 
 	free(r->budgets);
 	r->n_budgets = 0;
-	r->budgets = calloc(r->room->n_budgets + r->scene->n_budgets + 1, sizeof(*r->budgets));
+	r->budgets = calloc(r->room->n_budgets + r->scene->n_budgets + 2, sizeof(*r->budgets));
 	if (!r->budgets || st != BB_OK)
 		return BB_ERR_NOMEM;
 	add_budgets(r, r->room->budgets, r->room->n_budgets, &has_devices);
@@ -250,6 +250,9 @@ enum bb_status bb_result_judge(struct bb_run_result *r)
 	if (!has_devices)
 		r->budgets[r->n_budgets++].budget = (struct bb_budget){ .metric = BB_METRIC_DEVICES, .stat = BB_STAT_MAX,
 			.limit = r->room->degraded_max_s, .marginal = BB_UNKNOWN, .owner = "built-in" };
+	if (!r->allow_flash && bb_ledger_metric(r->ledger, BB_METRIC_FLASHES).n)
+		r->budgets[r->n_budgets++].budget = (struct bb_budget){ .metric = BB_METRIC_FLASHES, .stat = BB_STAT_MAX,
+			.limit = r->room->safety.flashes_per_s, .marginal = BB_UNKNOWN, .owner = "built-in" };
 	r->verdict = BB_SKIP;
 	for (size_t i = 0; i < r->n_budgets; i++) {
 		judge_one(r, &r->budgets[i]);

@@ -1,5 +1,6 @@
 #include "bench/pictures.h"
 
+#include "bench/loop/light.h"
 #include "render/levels.h"
 
 #include <math.h>
@@ -13,6 +14,7 @@ struct bb_pictures {
 	struct bb_pictures_config config;
 	size_t next;                       /* of scene->pictures.at_s */
 	double at_s;                       /* of the frame that is due */
+	double light, scene_s;             /* bb_pictures_fade */
 	size_t n;
 	struct bb_picture_result *taken;
 };
@@ -25,6 +27,7 @@ enum bb_status bb_pictures_create(const struct bb_pictures_config *config, struc
 	if (!p)
 		return BB_ERR_NOMEM;
 	p->config = *config;
+	p->light = 1;
 	p->taken = calloc(PICTURES_CAP, sizeof(*p->taken));
 	if (!p->taken) {
 		free(p);
@@ -52,6 +55,12 @@ bool bb_pictures_due(struct bb_pictures *p, double scene_s)
 		due = true;
 	}
 	return due;
+}
+
+void bb_pictures_fade(struct bb_pictures *p, double light, double scene_s)
+{
+	p->light = light;
+	p->scene_s = scene_s;
 }
 
 bool bb_pictures_wants(const struct bb_pictures *p, uint16_t wall)
@@ -159,6 +168,9 @@ enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned
 	if (status != BB_OK)
 		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", r->width, r->height);
 	status = paint(p, view, stream, eye, cursor, &image, s->id, r);
+	bb_patch_draw(p->config.room, p->config.scene, screen, p->scene_s, &image);
+	if (p->light < 1)
+		bb_light_fade(&image, p->light);
 	if (status == BB_OK && p->config.dir) {
 		char path[BB_PATH_MAX_BYTES];
 		snprintf(path, sizeof(path), "%s/%s", p->config.dir, r->file);

@@ -22,6 +22,8 @@ void bb_pictures_destroy(struct bb_pictures *p);
 /* Is a picture due at this scene time (the first frame at or after each at_s)? Call once per frame. */
 bool bb_pictures_due(struct bb_pictures *p, double scene_s);
 bool bb_pictures_wants(const struct bb_pictures *p, uint16_t wall);
+/* From now on pictures are so bright (1: as drawn), and show the scene's patch as at this time. */
+void bb_pictures_fade(struct bb_pictures *p, double light, double scene_s);
 /* Draws one screen for one eye (0 left, 1 right; n_eyes 1: mono). stream NULL: calibration with the cursor. */
 BB_MUST_CHECK enum bb_status bb_pictures_take(struct bb_pictures *p, uint16_t screen, unsigned eye, unsigned n_eyes,
                                               const struct bb_view *view, const struct bb_stream *stream,

@@ -141,6 +141,7 @@ struct bb_run_result {
 	double scene_start_s;         /* clock time */
 	double wall_time_s;           /* real time spent: not part of anything gated */
 	bool truncated;               /* interrupted */
+	bool allow_flash;             /* asked for: flashes are measured and not judged */
 	char summary[256];            /* one sentence for a person: the verdict and its first cause */
 
 	size_t n_budgets;

@@ -22,7 +22,7 @@
 struct bb_run_options bb_run_options_default(void)
 {
 	struct bb_run_options o = { .seed = 1, .gl = "auto", .pictures = true, .measure_psnr = true, .memory_mib = -1,
-		                    .stream_bricks = -1 };
+		                    .stream_bricks = -1, .dim = 1 };
 
 	for (int i = 0; i < BB_CLASS_COUNT; i++)
 		o.fidelity[i] = -2;
@@ -30,6 +30,7 @@ struct bb_run_options bb_run_options_default(void)
 }
 
 struct work { /* everything between the files and the result */
+	struct bb_run_options own;   /* what the caller asked for, and what came of it */
 	const struct bb_run_options *o;
 	struct bb_run *run;
 	int needs[BB_CLASS_COUNT];
@@ -53,7 +54,11 @@ struct work { /* everything between the files and the result */
 
 static void hash_events(void *ctx, const struct bb_event *events, size_t n)
 {
-	bb_hash_update(ctx, events, n * sizeof(*events));
+	struct work *w = ctx;
+
+	bb_hash_update(&w->hash, events, n * sizeof(*events));
+	if (w->o->events)
+		w->o->events(w->o->events_ctx, events, n);
 }
 
 static void tell(const struct work *w, const char *what)
@@ -116,6 +121,56 @@ static enum bb_status load_data(struct work *w, struct bb_error *err)
 	return bb_stream_create(&full, &w->full, err);
 }
 
+/* ---- flashes ---- */
+
+/* Mean colours of the steps as the transfer function shows the whole volume's values, a slab of 8 voxels deep. */
+static float (*step_means(const struct work *w))[3]
+{
+	const struct bb_tree *t = &bb_bricks_header(w->bricks)->tree;
+	float (*mean)[3] = calloc(t->n_steps, sizeof(*mean));
+
+	for (uint32_t step = 0; mean && step < t->n_steps; step++) {
+		uint16_t h[BB_HIST_KINDS][BB_STATS_BINS];
+		const uint64_t brick = (uint64_t)bb_tree_leaf_time(t, step) * t->n_nodes;
+		if (bb_bricks_histograms(w->bricks, brick, h, NULL) != BB_OK)
+			continue;
+		for (int i = 0; i < BB_STATS_BINS; i++) {
+			double c[4];
+			bb_transfer_at(&w->transfer, (i + 0.5) / BB_STATS_BINS, c);
+			const double part = h[BB_HIST_VALUE][i] / 65535.0 * bb_transfer_opacity_for_step(c[3], 8);
+			for (int k = 0; k < 3; k++)
+				mean[step][k] += (float)(part * bb_light_linear(c[k]));
+		}
+	}
+	return mean;
+}
+
+/* A scene that would flash does not begin, unless it is dimmed or somebody says so. */
+static enum bb_status foresee(struct work *w, struct bb_error *err)
+{
+	const struct bb_run *run = w->run;
+	const struct bb_where where = { run->scene->path, 0, 0 };
+	const double most = run->room->safety.flashes_per_s;
+	float (*means)[3] = w->bricks ? step_means(w) : NULL;
+	const uint32_t n_steps = w->bricks ? bb_bricks_header(w->bricks)->tree.n_steps : 0;
+	struct bb_flash_worst worst;
+	enum bb_status status = BB_OK;
+
+	if (w->needs[BB_CLASS_DISPLAYS] < 0 || w->o->allow_flash)
+		goto out;
+	status = bb_light_foresee(run->room, run->scene, means, n_steps, w->own.dim, &worst);
+	while (status == BB_OK && worst.flashes > most && w->o->dim_flash && w->own.dim > 1e-3) {
+		w->own.dim *= 0.9;
+		status = bb_light_foresee(run->room, run->scene, means, n_steps, w->own.dim, &worst);
+	}
+	if (status == BB_OK && worst.flashes > most)
+		status = bb_fail(err, BB_ERR_REFUSED, 1690, &where, "%g flashes within a second (%s), at most %g, first at %.2f s",
+		                 worst.flashes, bb_flash_rule_text(worst.rule), most, (double)worst.at_ns * 1e-9);
+out:
+	free(means);
+	return status;
+}
+
 /* ---- the room ---- */
 
 static bool any_sim(const struct bb_room *room)
@@ -138,7 +193,7 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 		if (status != BB_OK)
 			return status;
 	}
-	bb_eventlog_init(&w->events, hash_events, &w->hash);
+	bb_eventlog_init(&w->events, hash_events, w);
 	if (any_sim(room))
 		status = sim_world_create(room, w->head, w->wand, w->clk, &w->events, w->o->seed, &w->world);
 	if (status != BB_OK)
@@ -169,6 +224,8 @@ static enum bb_status bring_up(struct work *w, struct bb_error *err)
 	tell(w, "bring-up");
 	while (status == BB_OK && !bb_facility_ready(w->facility)) {
 		const int64_t now_ns = bb_clock_now_ns(w->clk);
+		if (w->o->stop && *w->o->stop)
+			return bb_fail(err, BB_ERR_LOST, 1691, NULL, "signal %d", (int)*w->o->stop);
 		if (now_ns - start_ns > BRING_UP_MOST_NS)
 			return bb_fail(err, BB_ERR_LOST, 1504, NULL, "bring-up did not end within %d s",
 			               (int)(BRING_UP_MOST_NS / BB_NS_PER_S));
@@ -235,6 +292,7 @@ static enum bb_status create_result(struct work *w, struct bb_error *err)
 	r->room = room;
 	r->scene = w->run->scene;
 	r->seed = w->o->seed;
+	r->allow_flash = w->o->allow_flash;
 	r->duration_s = w->run->scene->duration_s;
 	snprintf(r->clock, sizeof(r->clock), "%s", w->o->posix_clock ? "posix" : "virtual");
 	if (room->n_screens)
@@ -304,11 +362,14 @@ enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, 
 	*out = (struct bb_run){ 0 };
 	if (!w)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the run");
-	w->o = options;
+	w->own = *options;
+	w->o = options = &w->own;
 	w->run = out;
 	enum bb_status status = load_files(w, err);
 	if (status == BB_OK)
 		status = load_data(w, err);
+	if (status == BB_OK)
+		status = foresee(w, err);
 	if (status == BB_OK)
 		status = create_result(w, err);
 	if (status == BB_OK)

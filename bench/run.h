@@ -8,6 +8,7 @@
 #include <signal.h>
 
 #include "bench/result.h"
+#include "hal/eventlog.h"
 #include "sim/faults.h"
 
 /* One run in several processes (bench/nodes/nodes.h); n 0 or 1: in this one. */
@@ -37,7 +38,12 @@ struct bb_run_options {
 	int64_t plant_draw_ns;      /* test of the gate: added to every draw */
 	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
 	struct bb_run_processes processes;
-	const volatile sig_atomic_t *interrupted; /* may be NULL; not 0: end the scene and report what there is */
+	bool allow_flash;           /* run what flashes, and do not judge it */
+	bool dim_flash;             /* darken a scene that would flash until it does not */
+	double dim;                 /* all pictures, 0..1; bb_run sets it when it has to */
+	const volatile sig_atomic_t *stop; /* not 0: open the shutters, stop, report what there is; may be NULL */
+	void (*events)(void *ctx, const struct bb_event *events, size_t n); /* sees the event log; may be NULL */
+	void *events_ctx;
 	const struct bb_log *log;
 	void (*progress)(void *ctx, double done_0_1, const char *what); /* may be NULL */
 	void *progress_ctx;

@@ -48,6 +48,8 @@ const char *bb_class_text(enum bb_class c); /* "shutters" ... */
 	  "charge of the emptiest gamepad that tells it; a lower limit")                                               \
 	X(BB_METRIC_PAD_STUCK, "pad_stuck", "s", BB_CLASS_GAMEPADS, 0,                                                \
 	  "how long some axis of a gamepad has stood still off neutral")                                               \
+	X(BB_METRIC_FLASHES, "flashes", "per_s", BB_CLASS_DISPLAYS, 0,                                                \
+	  "flashes in the worst second, of any wall and eye, by WCAG 2.3.1 and BT.1702")                               \
 	X(BB_METRIC_DEVICES, "devices_ok", "s", BB_CLASS_NONE, 0,                                                     \
 	  "longest time any needed device was not OK; LOST at the end fails at once")
 

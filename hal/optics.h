@@ -25,7 +25,7 @@ struct bb_channel { /* "front.top.left", "front.tag.bare", "lamp.right" */
 	char wall[BB_ID_MAX]; /* "" for a lamp */
 	uint8_t spot, lens;
 };
-struct bb_show { /* a stretch of time with one pattern on every wall */
+struct bb_showing { /* a stretch of time with one pattern on every wall */
 	enum bb_pattern pattern;
 	int64_t from_ns, to_ns;
 };
@@ -35,7 +35,7 @@ struct bb_recording { /* all that is known before the first sample */
 	double aperture_us;      /* exposure of a camera around its stamp; 0: none */
 	double fps_hz, first_s;  /* of pictures: how many a second, and the middle of the first one's exposure */
 	size_t n_shows, n_channels;
-	struct bb_show show[BB_SHOWS_MAX]; /* ascending, apart */
+	struct bb_showing show[BB_SHOWS_MAX]; /* ascending, apart */
 	struct bb_channel channel[BB_CHANNELS_MAX];
 };
 

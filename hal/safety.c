@@ -9,6 +9,8 @@ struct bb_safety bb_safety_ceilings(void)
 		.fade_ms = 500,
 		.transition_gap_s = 2,
 		.shutter_least_hz = 50,
+		.holdover_most_s = 900,
+		.white_cd_m2 = 200,
 		.outlet_least_off_s = 180,
 		.outlet_least_on_s = 60,
 		.outlet_cycles_per_hour = 4,
@@ -29,6 +31,8 @@ static const struct rule {
 	{ "fade_ms", offsetof(struct bb_safety, fade_ms), false, 60e3 },
 	{ "transition_gap_s", offsetof(struct bb_safety, transition_gap_s), false, 3600 },
 	{ "shutter_least_hz", offsetof(struct bb_safety, shutter_least_hz), false, 1000 },
+	{ "holdover_most_s", offsetof(struct bb_safety, holdover_most_s), true, 0 },
+	{ "white_cd_m2", offsetof(struct bb_safety, white_cd_m2), false, 10e3 },
 	{ "outlet_least_off_s", offsetof(struct bb_safety, outlet_least_off_s), false, 86400 },
 	{ "outlet_least_on_s", offsetof(struct bb_safety, outlet_least_on_s), false, 86400 },
 	{ "outlet_cycles_per_hour", offsetof(struct bb_safety, outlet_cycles_per_hour), true, 0 },
@@ -60,4 +64,14 @@ enum bb_status bb_safety_tighten(struct bb_safety *s, const char *key, double va
 		return BB_OK;
 	}
 	return bb_fail(err, BB_ERR_CONFIG, 1011, where, "'%.48s' is no safety ceiling", key);
+}
+
+int64_t bb_safety_holdover_ns(const struct bb_safety *s, int64_t period_ns, double uncertainty_ppm)
+{
+	const double most_ns = s->holdover_most_s * 1e9;
+
+	if (!(uncertainty_ppm >= 0))
+		return 0;
+	const double box_ns = 0.1 * (double)period_ns / (uncertainty_ppm * 1e-6);
+	return (int64_t)(box_ns < most_ns ? box_ns : most_ns);
 }

@@ -55,6 +55,11 @@ struct bb_scene {
 		double scale;                     /* of the screen's pixels */
 		bool levels;                      /* one more a wall, in the colours of its bricks' levels */
 	} pictures;
+	struct { /* technique calibration: a square in the middle of every wall that takes turns between two greys */
+		double hz;                        /* both of them so often a second; 0: no patch */
+		double size_m;                    /* its edge; 0: the whole wall */
+		double low_percent, high_percent; /* of white, in linear light */
+	} patch;
 };
 
 BB_MUST_CHECK enum bb_status bb_scene_load(const char *path, struct bb_scene **out, struct bb_error *err);

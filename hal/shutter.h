@@ -43,6 +43,8 @@ struct bb_shutter_config {
 	char emitter_protocol[BB_ID_MAX];
 	double emitter_offset_us;    /* glasses switch this long after the sync edge: one lens opens */
 	double token_gap_us;         /* the other lens has closed this long before */
+	double coast_s;              /* the controllers go on by their own clocks for so long without sync edges (sim) */
+	double untagged;             /* 1: its edges do not tell their eye (sim) */
 };
 
 struct bb_shutter_limits {
@@ -51,6 +53,7 @@ struct bb_shutter_limits {
 	int64_t phase_step_ns;       /* resolution of set_phase; 0: phases are fixed by the hardware */
 	int64_t open_ns, close_ns;
 	int64_t n_stages;            /* the first so many stages report edges; the emitter always does */
+	int64_t coast_ns;            /* without hearing the sync it goes on switching, and says nothing, for so long; 0: it stands */
 };
 
 struct bb_shutter_edge {

@@ -63,7 +63,7 @@ const struct sim_verb sim_node_verbs[] = {
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
-	{ "suspend", "", "the head runs nothing from the next frame on, as after closing a lid", "", node_suspend },
+	{ "suspend", "", "the process stands still, as after closing a lid; of the head: the frame loop", "", node_suspend },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 

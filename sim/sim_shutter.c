@@ -209,7 +209,8 @@ static void report(struct sim_shutter *s, const struct stage *st, uint8_t eye, u
 		s->dropped++;
 	}
 	s->queue[(s->head + s->n_queued++) % QUEUE] =
-		(struct bb_shutter_edge){ stamp_ns, seq, eye, stage_number(s, st) };
+		(struct bb_shutter_edge){ stamp_ns, seq, s->base.config.untagged > 0 ? (uint8_t)BB_EYE_NONE : eye,
+			                  stage_number(s, st) };
 }
 
 static uint8_t other(uint8_t eye)
@@ -226,7 +227,9 @@ static void act(struct sim_shutter *s, struct stage *st)
 	aim(s, st, n + 1, at_ns);
 	if (st->stuck || st->miss) {
 		st->miss -= !st->stuck;
-		if (at_ns - st->heard_ns >= WATCHDOG_NS && !is_open(st))
+		if (at_ns - st->heard_ns < s->base.limits.coast_ns)
+			switch_to(s, st, eye, at_ns);
+		else if (at_ns - st->heard_ns >= WATCHDOG_NS && !is_open(st))
 			switch_to(s, st, BB_EYE_NONE, at_ns);
 		return;
 	}
@@ -270,6 +273,8 @@ static const struct sim_option options[] = {
 	{ "rate_error_ppm", offsetof(struct bb_shutter_config, rate_error_ppm), -1000, 1000 },
 	{ "jitter_us", offsetof(struct bb_shutter_config, jitter_us), 0, 1000 },
 	{ "stage_delay_us", offsetof(struct bb_shutter_config, stage_delay_us), 0, 1000 },
+	{ "coast_s", offsetof(struct bb_shutter_config, coast_s), 0, 3600 },
+	{ "untagged", offsetof(struct bb_shutter_config, untagged), 0, 1 },
 	{ NULL, 0, 0, 0 },
 };
 
@@ -323,6 +328,7 @@ static enum bb_status shutter_open(struct bb_shutter *sh, const struct bb_open *
 	sh->limits.open_ns = llround(c->cell.open_us * 1000);
 	sh->limits.close_ns = llround(c->cell.close_us * 1000);
 	sh->limits.n_stages = c->n_stages;
+	sh->limits.coast_ns = llround(c->coast_s * 1e9);
 	s->n_stages = (size_t)c->n_stages + 1;
 	s->jitter_ns = s->ideal ? 0 : llround(c->jitter_us * 1000);
 	s->base_ppb = llround(c->rate_error_ppm * 1000);

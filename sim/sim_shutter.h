@@ -7,7 +7,8 @@
  * own small error. Until set_phase a stage switches when it hears the edge, the glasses at emitter_offset_us. A new
  * handle is in mode OPEN, where nothing switches and no edge is reported. An edge is the begin of a transition; the
  * opening shutter follows 1 - exp(-t / tau), the closing one exp(-t / tau), with 10-90 % times open_us and close_us.
- * A stage that hears no edge for 100 ms opens both eyes. Opening (by mode, close, watchdog or a lost chain) is an event
+ * A stage that hears no edge goes on by its own clock for coast_s, without a word, and opens both eyes then; without such
+ * a clock it stands as it is, and opens after 100 ms. Opening (by mode, close, watchdog or a lost chain) is an event
  * with eye NONE.
  */
 #ifndef BB_SIM_SHUTTER_H

@@ -55,7 +55,7 @@ bool sim_world_fed(const struct sim_world *w, const char *outlet);
 int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_t at_ns);
 /* A node with a stalled disk reads nothing. */
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node);
-/* A suspended node does nothing, and what comes for it waits. */
+/* A suspended node does nothing, and what comes for it waits; of the head: the frame loop stands still. */
 bool sim_world_node_suspended(const struct sim_world *w, uint16_t node);
 /* A crashed node sends, draws and answers nothing. */
 bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns);

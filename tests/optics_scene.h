@@ -57,7 +57,7 @@ static inline void scene_shows(struct optics_scene *s)
 	struct bb_recording *r = &s->recording;
 
 	for (int i = 0; i < 2 * BB_PATTERN_COUNT; i++)
-		r->show[r->n_shows++] = (struct bb_show){ (enum bb_pattern)(i % BB_PATTERN_COUNT),
+		r->show[r->n_shows++] = (struct bb_showing){ (enum bb_pattern)(i % BB_PATTERN_COUNT),
 			                                  (4 + SHOW_CYCLES * (int64_t)i) * cycle_ns,
 			                                  (4 + SHOW_CYCLES * (int64_t)(i + 1)) * cycle_ns };
 	r->rate = s->room->chain.rate;

@@ -126,7 +126,7 @@ static double true_crosstalk(const struct optics_scene *s, size_t channel, int e
 	double mean[BB_PATTERN_COUNT] = { 0 };
 
 	for (int p = 0; p < BB_PATTERN_COUNT; p++) {
-		const struct bb_show *show = &s->recording.show[p];
+		const struct bb_showing *show = &s->recording.show[p];
 		double sum = 0, n = 0;
 		for (size_t i = 0; i < s->n_rows; i++)
 			if (s->at_ns[i] >= show->from_ns + 3 * cycle_ns && s->at_ns[i] < show->from_ns + 12 * cycle_ns) {

@@ -68,7 +68,7 @@ static int command(const struct bb_cli *cli)
 	o.scene_path = cli->arg[1];
 	o.posix_clock = true;
 	o.pictures = false;
-	o.interrupted = &interrupted;
+	o.stop = &interrupted;
 	status = read_options(cli, &o, &err);
 	sigaction(SIGTERM, &act, NULL);
 	signal(SIGPIPE, SIG_IGN);

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "bench/cli.h"
+#include "bench/guardian.h"
 #include "bench/run.h"
 #include "drivers/link/peers.h"
 
@@ -30,6 +31,9 @@ static const struct bb_cli_option options[] = {
 	{ "stream-bricks", "N", "bricks a frame instead of the scene's" },
 	{ "plant-draw-us", "N", "add to every draw, to see the gate catch it" },
 	{ "plant-bricks", "N", "stream extra bricks a frame, to see the gate catch it" },
+	{ "dim-flash", NULL, "darken the pictures of a scene that would flash until it does not" },
+	{ "allow-flash", NULL, "run a scene that flashes, and do not judge it: nobody may be in the room" },
+	{ "guard", NULL, "watch over the run by a second process, as is always done with real shutters" },
 	{ "no-pictures", NULL, "draw no pictures" },
 	{ "quiet", NULL, "no progress, no table" },
 	{ NULL, NULL, NULL },
@@ -131,26 +135,6 @@ static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_run_optio
 	return read_fidelity(cli, o, err);
 }
 
-static volatile sig_atomic_t interrupted;
-
-/* The second signal of a kind ends the program at once. */
-static void interrupt(int number)
-{
-	interrupted = number;
-	signal(number, SIG_DFL);
-}
-
-static void catch_signals(struct bb_run_options *o)
-{
-	const struct sigaction act = { .sa_handler = interrupt };
-
-	o->interrupted = &interrupted;
-	sigaction(SIGINT, &act, NULL);
-	sigaction(SIGTERM, &act, NULL);
-	sigaction(SIGHUP, &act, NULL);
-	signal(SIGPIPE, SIG_IGN);
-}
-
 static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
 {
 	struct bb_run_processes *p = &o->processes;
@@ -181,6 +165,8 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_run_options
 	o->gl = bb_cli_get(cli, "gl", "auto");
 	o->posix_clock = !strcmp(clock, "posix");
 	o->pictures = !bb_cli_has(cli, "no-pictures");
+	o->allow_flash = bb_cli_has(cli, "allow-flash");
+	o->dim_flash = bb_cli_has(cli, "dim-flash");
 	if (!o->posix_clock && strcmp(clock, "virtual"))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--clock %s: want virtual or posix", clock);
 	if (strcmp(o->gl, "auto") && strcmp(o->gl, "osmesa") && strcmp(o->gl, "egl") && strcmp(o->gl, "cpu"))
@@ -227,6 +213,29 @@ static int report(const struct bb_cli *cli, const struct bb_run *run, const char
 	return r->exit_code;
 }
 
+/* The parent's exit code in *code, or true: go on. */
+static bool guarded(const struct bb_cli *cli, const struct bb_run_options *o, int *code)
+{
+	struct bb_error err = { 0 };
+	struct bb_room *room;
+	bool go = true;
+
+	if (bb_room_load(o->room_path, &room, &err) != BB_OK)
+		return true; /* the run itself will say so */
+	if (bb_cli_has(cli, "guard") || bb_guardian_wanted(room))
+		go = bb_guardian_fork(room, code, &err);
+	if (!go && err.number)
+		(void)bb_cli_fail(BB_ERR_LOST, &err);
+	bb_room_free(room);
+	return go;
+}
+
+static void warn_of_flashes(const struct bb_cli *cli)
+{
+	if (bb_cli_has(cli, "allow-flash"))
+		fprintf(stderr, "WARNING: this run may flash as no scene should. Nobody may be in the room.\n");
+}
+
 static int command(const struct bb_cli *cli)
 {
 	struct bb_run_options o = bb_run_options_default();
@@ -257,7 +266,13 @@ static int command(const struct bb_cli *cli)
 		status = read_faults(cli, &faults, &err);
 	o.faults = faults.fault;
 	o.n_faults = faults.n;
-	catch_signals(&o);
+	int died = BB_EXIT_OK;
+	if (status == BB_OK && !guarded(cli, &o, &died)) {
+		free(faults.fault);
+		return died;
+	}
+	warn_of_flashes(cli);
+	o.stop = bb_guardian_signals();
 	if (status == BB_OK)
 		status = bb_run(&o, &run, &err);
 	free(faults.fault);

@@ -211,6 +211,7 @@ static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 		count_metric(l, f, BB_METRIC_EYE_SWAPS, swapped_node(l, f), BB_STAGE_SHUTTER);
 	}
 	row.flags |= f->track_flags & (BB_TRACK_FROZEN | BB_TRACK_NEVER) ? BB_FRAME_POSE_OLD : 0;
+	row.flags |= f->mono ? BB_FRAME_MONO : 0;
 	row.flags |= f->view_flags ? BB_FRAME_VIEW_CLAMPED : 0;
 	bb_result_count(l->result, "frames", 1);
 	bb_result_count(l->result, "flips", f->n_flips);

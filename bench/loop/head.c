@@ -70,37 +70,40 @@ static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 	return f;
 }
 
+/* Somebody wants it to end: the outputs go to their safe state first. */
+static bool stopped(struct bb_frame_loop *l, int64_t now_ns)
+{
+	if (!bb_loop_interrupted(l))
+		return false;
+	bb_eyes_open(l, now_ns);
+	l->result->truncated = true;
+	l->result->duration_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
+	bb_result_fact(l->result, "stopped_by", "signal %d", (int)*l->options->stop);
+	return true;
+}
+
 /*
  * Row O4: the machine slept, or the loop got no processor: more than three frames late. What was measured by edges and
- * stamps before is worth nothing, and what gathered meanwhile is not made up for: the next frame is the one for now.
+ * stamps before is worth nothing, and frames that were not drawn are not made up for: the next one is the one for now.
  */
-static void note_gap(struct bb_frame_loop *l, int64_t due_ns, int64_t now_ns)
+static void watch_gap(struct bb_frame_loop *l, int64_t now_ns)
 {
-	const int64_t gap_ns = now_ns - due_ns;
+	const int64_t late_ns = now_ns - l->due_ns;
 
-	if (gap_ns <= 3 * l->frame_ns) {
+	if (!l->due_ns || late_ns <= 3 * l->frame_ns) {
 		bb_watch_good(l->watch, l->node_slot[bb_loop_head(l)], now_ns);
 		return;
 	}
+	bb_watch_bad(l->watch, l->node_slot[bb_loop_head(l)], now_ns, BB_HEALTH_DEGRADED,
+	             "GAP %.0f ms: suspended or starved, %lld frames left out", (double)late_ns * 1e-6,
+	             (long long)(late_ns / l->frame_ns));
 	bb_result_count(l->result, "gaps", 1);
-	bb_watch_bad(l->watch, l->node_slot[bb_loop_head(l)], now_ns, BB_HEALTH_DEGRADED, "GAP %.0f ms: the loop did not run",
-	             (double)gap_ns * 1e-6);
-	if (l->rig->shutter) {
-		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
-		l->edge_ns = now_ns;
-		l->doubled_seen = 0;
-	}
+	bb_result_count(l->result, "gap_ms", (uint64_t)(late_ns / 1000000));
+	bb_shutters_feed(l, now_ns); /* read away, */
+	bb_eyes_gap(l, now_ns);      /* and forgotten */
 	for (size_t i = 0; i < l->room->n_cameras; i++)
 		if (l->rig->cameras[i])
 			bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
-}
-
-static bool sleeps(struct bb_frame_loop *l, int64_t scheduled_ns)
-{
-	if (!l->world || !sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l)))
-		return false;
-	l->due_ns = l->due_ns ? l->due_ns : scheduled_ns;
-	return true;
 }
 
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
@@ -108,14 +111,13 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
 	const struct bb_node_machine *head = &l->nodes[bb_loop_head(l)];
 
-	if (now_ns >= l->end_ns || bb_loop_interrupted(l)) {
+	if (now_ns >= l->end_ns || stopped(l, now_ns)) {
 		bb_clock_stop(l->clk);
 		return BB_NEVER;
 	}
-	if (sleeps(l, scheduled_ns))
-		return scheduled_ns + l->frame_ns;
-	note_gap(l, l->due_ns ? l->due_ns : scheduled_ns, now_ns);
-	l->due_ns = 0;
+	if (l->world && sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l)))
+		return now_ns + l->frame_ns / 4;
+	watch_gap(l, now_ns);
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
 	if (l->n_frames >= 3)
@@ -127,8 +129,9 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	bb_shutters_read(l, f, scheduled_ns);
 	bb_track_read(l, f, scheduled_ns);
 	bb_pads_read(l, scheduled_ns);
+	bb_eyes_step(l, f, scheduled_ns);
 
-	const double t_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
+	const double t_s = l->scene_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
 	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
 	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
 	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
@@ -161,7 +164,10 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
 		                      .steps = l->steps,
-		                      .way = l->way };
+		                      .way = l->way,
+		                      .swapped = l->eyes.swapped,
+		                      .depth = (uint16_t)lround(BB_WHOLE * l->eyes.out.depth),
+		                      .light = (uint16_t)lround(BB_WHOLE * l->eyes.out.light * l->options->dim) };
 	memcpy(m.ahead, l->ahead, sizeof(m.ahead));
 	(void)scheduled_ns;
 
@@ -242,7 +248,8 @@ void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, u
 
 void bb_head_begin_next(struct bb_frame_loop *l, int64_t now_ns)
 {
-	if (bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, now_ns)) != BB_OK)
+	l->due_ns = bb_head_next_begin_ns(l, now_ns);
+	if (bb_clock_arm(l->clk, &l->begin, l->due_ns) != BB_OK)
 		bb_clock_stop(l->clk);
 }
 

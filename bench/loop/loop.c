@@ -18,7 +18,7 @@
 
 bool bb_loop_interrupted(const struct bb_frame_loop *l)
 {
-	return l->options->interrupted && *l->options->interrupted;
+	return l->options->stop && *l->options->stop;
 }
 
 static int64_t barrier_timeout_ns(const struct bb_frame_loop *l)
@@ -211,6 +211,7 @@ static void take_slots(struct bb_frame_loop *l)
 		l->shutter_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->eyes.slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 	}
 }
 
@@ -272,6 +273,10 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = create_tracker(l);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
+	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
+	                                       .viewer = l->start.p, .drawn = l->draw_everything };
+	if (status == BB_OK && l->rig->needs[BB_CLASS_DISPLAYS] >= 0)
+		status = bb_light_create(&light, &l->light);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));
 }
 
@@ -284,6 +289,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->beat);
 	bb_clock_disarm(l->clk, &l->look_after);
 	bb_lock_destroy(l);
+	bb_clock_disarm(l->clk, &l->eyes.watch);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
@@ -299,6 +305,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_tracker_destroy(l->tracker);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
+	bb_light_destroy(l->light);
 	free(l->nodes);
 	free(l->camera_map);
 	free(l->camera_seq);
@@ -372,6 +379,8 @@ static void start_counts(struct bb_frame_loop *l)
 		bb_ledger_sample(l->ledger, BB_METRIC_TORN_FRAMES, &none);
 	if (l->rig->shutter)
 		bb_ledger_sample(l->ledger, BB_METRIC_EYE_SWAPS, &none);
+	if (l->light)
+		bb_ledger_sample(l->ledger, BB_METRIC_FLASHES, &none);
 }
 
 enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
@@ -400,8 +409,9 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		l->camera_seen_ns[i] = l->scene_start_ns;
 	start_counts(l);
 	bb_clock_run_until(l->clk, l->scene_start_ns);
+	bb_eyes_init(l);
 	bb_shutters_feed(l, l->scene_start_ns); /* where to begin depends on whose eye is when */
-	l->edge_ns = l->scene_start_ns;
+	bb_light_skip(l->light, l->scene_start_ns);
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->begin, bb_head_next_begin_ns(l, l->scene_start_ns));
 	if (status != BB_OK)

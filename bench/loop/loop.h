@@ -7,6 +7,7 @@
  *   streaming.c  what every node asked of its disk and what that cost its frames.
  *   frames.c  what each frame did, closed into the ledger when its last flip is known.
  *   shutters.c, eyes of the room: edges -> phase, polarity.
+ *   eyes.c    what the eyes are let see: shutters open or running, stereo or mono, faded; light.c how bright that is.
  *
  * Head and nodes talk only through the link. Nothing here allocates after bb_loop_create. One thread.
  */
@@ -17,6 +18,7 @@
 #include "render/stream/io.h"
 #include "bench/ledger.h"
 #include "bench/loop/crosstalk.h"
+#include "bench/loop/light.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
 #include "bench/run.h"
@@ -25,6 +27,7 @@
 #include "sync/barrier.h"
 #include "sync/phase.h"
 #include "sync/polarity.h"
+#include "sync/sync_guard.h"
 #include "sync/track/tracker.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
@@ -54,7 +57,7 @@ struct bb_frame {
 	uint32_t n_flips, late_flips;
 	int64_t first_flip_ns, last_flip_ns;
 	uint16_t last_flip_screen, late_screen, swapped_screen;
-	bool eyes_swapped;
+	bool eyes_swapped, mono;
 	uint32_t bricks_wanted, bricks_missing, bricks_loaded;
 	uint64_t bytes, deficit;
 	int64_t load_ns;                  /* the most a node spent on bricks */
@@ -76,6 +79,23 @@ struct bb_pad { /* one gamepad */
 	bool drift_told, battery_told;
 };
 
+struct bb_eyes { /* eyes.c */
+	struct bb_sync_guard guard;
+	struct bb_safe_state safe;
+	struct bb_safe_output out;        /* of the frame begun last */
+	double sent, shown;               /* light of the pictures: of the last frame; on show since it began */
+	bool runs, running;               /* the shutters: told with the pictures; told and heard */
+	bool gone;                        /* the chain does not answer */
+	struct bb_timer watch;            /* for an edge that does not come */
+	uint32_t swapped;                 /* by stage: its wall gets the other eye's pictures */
+	size_t slot;
+};
+
+struct bb_view_cause { /* of a node's views, without padding */
+	struct bb_pose navigation, eyes;
+	uint32_t depth, swapped;
+};
+
 struct bb_node_machine { /* one node of the room */
 	struct bb_frame_loop *loop;
 	uint16_t index;
@@ -95,7 +115,7 @@ struct bb_node_machine { /* one node of the room */
 	bool failure_told;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
-	struct bb_pose made_for[2];       /* what the views were made for: navigation, eyes; */
+	struct bb_view_cause made_for;    /* what the views were made for */
 	bool made;
 	unsigned view_flags;
 	struct bb_timer inbox, ready, hold;
@@ -119,6 +139,8 @@ struct bb_frame_loop {
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
+	struct bb_eyes eyes;
+	struct bb_light *light;           /* NULL: displays not needed */
 	struct bb_barrier barrier;
 	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
@@ -145,6 +167,7 @@ struct bb_frame_loop {
 
 	struct bb_timer begin, send, head_inbox, deadline;
 	int64_t scene_start_ns, end_ns;
+	double scene_s;                   /* time of the scene: of the frame begun last */
 	uint64_t n_frames;                /* begun */
 	struct bb_frame frames[BB_FRAMES_RING];
 	uint64_t closed;                  /* frames below this are closed */
@@ -155,8 +178,8 @@ struct bb_frame_loop {
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
 	uint32_t *camera_seq;
+	int64_t due_ns;                   /* when the next frame was to begin */
 	int64_t turn_ns;                  /* when the devices were read last */
-	int64_t due_ns;                   /* a suspended head: when its next frame was due; 0: it is awake */
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
@@ -171,7 +194,6 @@ struct bb_frame_loop {
 	int64_t pad_read_ns;
 	size_t shutter_slot, polarity_slot, rhythm_slot; /* all "shutter/<chain>": each can fail on its own */
 	uint64_t doubled_seen;
-	int64_t edge_ns;                  /* newest edge of the emitter */
 	struct camera_read *reads;        /* tracking.c: frames read in this turn */
 	struct bb_blob *blobs;
 	size_t path_cap;
@@ -185,13 +207,16 @@ BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_frame_loop *loop, struct bb_e
 /* What head and nodes say to each other, as bytes on the link (one build, one machine: native layout). */
 enum bb_message_kind { BB_MESSAGE_STATE = 0x6201, BB_MESSAGE_ARRIVE, BB_MESSAGE_RELEASE };
 struct bb_message {
-	uint32_t kind, zero;
+	uint32_t kind;
+	uint32_t swapped;                 /* by stage of the chain: its wall gets the other eye's view */
 	uint64_t frame;
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
-	int32_t way, none;
+	int32_t way;
+	uint16_t depth, light;            /* 0 .. BB_WHOLE: the eyes' distance and the pictures' brightness, of their own */
 };
+#define BB_WHOLE 65535
 
 /* Between the loop's files. */
 struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame); /* NULL once closed */
@@ -232,6 +257,12 @@ bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t 
 void bb_streaming_gather(const struct bb_frame_loop *l);
 void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns);
 void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_eyes_init(struct bb_frame_loop *l);
+void bb_eyes_edge(struct bb_frame_loop *l, const struct bb_shutter_edge *e);
+void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
+int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
 void bb_frames_close(struct bb_frame_loop *l, uint64_t before);

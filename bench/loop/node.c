@@ -14,16 +14,26 @@ static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_
 		                    bb_pose_apply(by, c->upper_left) };
 }
 
-static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb_pose *navigation,
-                            const struct bb_vec3 eye[2], struct bb_vec3 fallback)
+/* Does the stage before this screen open for the other eye than the glasses do? */
+static bool eyes_swapped(const struct bb_frame_loop *l, uint16_t screen, uint32_t swapped)
+{
+	for (int i = 0; swapped && i < l->room->chain.n_stages; i++)
+		if (swapped >> i & 1 && !strcmp(l->room->chain.stage[i], l->room->walls[l->room->screens[screen].wall].id))
+			return l->room->screens[screen].display.stereo == BB_STEREO_DUAL_PROJECTOR;
+	return false;
+}
+
+static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb_message *m, const struct bb_vec3 eye[2],
+                            struct bb_vec3 fallback)
 {
 	const struct bb_frame_loop *l = n->loop;
-	const struct bb_corners c = move_corners(navigation, &l->room->screens[n->screens[s]].corners);
+	const struct bb_corners c = move_corners(&m->navigation, &l->room->screens[n->screens[s]].corners);
+	const unsigned other = l->n_eyes > 1 && eyes_swapped(l, n->screens[s], m->swapped);
 	unsigned flags = 0;
 
 	for (unsigned e = 0; e < l->n_eyes; e++) {
 		struct bb_view *v = &n->views[s * l->n_eyes + e];
-		*v = bb_view_make(&c, eye[e], fallback, NEAR_M, FAR_M);
+		*v = bb_view_make(&c, eye[e ^ other], fallback, NEAR_M, FAR_M);
 		flags |= v->flags;
 	}
 	return flags;
@@ -38,16 +48,16 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	struct bb_vec3 eye[2];
 
 	/* A viewer who sits still leaves the views as they are. */
-	const struct bb_pose made_for[2] = { m->navigation, m->eyes };
-	if (!n->made || memcmp(made_for, n->made_for, sizeof(made_for)) != 0) {
-		memcpy(n->made_for, made_for, sizeof(made_for));
+	const struct bb_view_cause cause = { m->navigation, m->eyes, m->depth, m->swapped };
+	if (!n->made || memcmp(&cause, &n->made_for, sizeof(cause)) != 0) {
+		n->made_for = cause;
 		n->made = true;
 		n->view_flags = 0;
-		bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
+		bb_view_eyes(&eyes, l->room->eye_separation_m * (m->depth / (double)BB_WHOLE), &eye[0], &eye[1]);
 		if (l->n_eyes == 1)
 			eye[0] = eyes.p;
 		for (size_t s = 0; s < n->n_screens; s++)
-			n->view_flags |= make_screen(n, s, &m->navigation, eye, fallback);
+			n->view_flags |= make_screen(n, s, m, eye, fallback);
 	}
 	if (f)
 		f->view_flags |= n->view_flags;
@@ -127,6 +137,7 @@ static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 	const struct bb_vec3 hand = bb_pose_apply(&m->eyes, (struct bb_vec3){ 0.2, -0.3, -0.5 });
 	struct bb_vec3 cursor = hand;
 
+	bb_pictures_fade(l->pictures, m->light / (double)BB_WHOLE, l->scene_s);
 	if (l->room->n_bodies > 1 && l->tracker) {
 		const struct bb_track_pose wand = bb_tracker_pose(l->tracker, 1, m->photon_ns);
 		if (!(wand.flags & BB_TRACK_NEVER))
@@ -141,7 +152,7 @@ static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 }
 
 /* Posix: every view is really drawn, at the scene's picture scale. */
-static void draw_all(struct bb_node_machine *n)
+static void draw_all(struct bb_node_machine *n, uint16_t light)
 {
 	struct bb_frame_loop *l = n->loop;
 
@@ -156,15 +167,21 @@ static void draw_all(struct bb_node_machine *n)
 			status = bb_renderer_draw(l->renderer, &draw, image, NULL);
 		else if (image)
 			status = bb_calibration_draw(&n->views[v], s->id, v % l->n_eyes == 0, NULL, image);
-		if (status != BB_OK)
+		if (status == BB_OK) {
+			bb_patch_draw(l->room, l->scene, n->screens[v / l->n_eyes], l->scene_s, image);
+			if (light < BB_WHOLE)
+				bb_light_fade(image, light / (double)BB_WHOLE);
+			bb_light_pixels(l->light, n->screens[v / l->n_eyes], (unsigned)(v % l->n_eyes), image);
+		} else {
 			bb_result_count(l->result, "draws_failed", 1);
+		}
 	}
 }
 
 /* What can be seen from where the viewer stands when the scene begins is read during bring-up. */
 void bb_node_fill(struct bb_node_machine *n)
 {
-	const struct bb_message m = { .eyes = n->loop->start, .navigation = BB_POSE_IDENTITY };
+	const struct bb_message m = { .eyes = n->loop->start, .navigation = BB_POSE_IDENTITY, .depth = BB_WHOLE };
 	const struct bb_display_config *d = &n->loop->room->screens[n->screens[0]].display;
 
 	make_views(n, &m, NULL);
@@ -178,10 +195,10 @@ void bb_node_fill(struct bb_node_machine *n)
 void bb_node_warm_up(struct bb_node_machine *n)
 {
 	const struct bb_message m = { .eyes = { n->loop->room->neutral, BB_QUAT_IDENTITY },
-		                      .navigation = BB_POSE_IDENTITY };
+		                      .navigation = BB_POSE_IDENTITY, .depth = BB_WHOLE };
 
 	make_views(n, &m, NULL);
-	draw_all(n);
+	draw_all(n, BB_WHOLE);
 }
 
 static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_machine *n, int64_t now_ns)
@@ -209,7 +226,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
 		n->load_ns = c.loaded || c.arrived ? selected_ns - now_ns : 0;
-		draw_all(n);
+		draw_all(n, m->light);
 		ready_ns = bb_clock_now_ns(l->clk) + plant_ns(l, n, now_ns);
 	}
 	if (l->picture_frame)
@@ -306,6 +323,7 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 			bb_result_count(l->result, "frames_left_out", 1);
 		else if (status == BB_OK)
 			status = present_screen(n, s, &v);
+		bb_light_screen(l->light, n->screens[s], status >= 0 || status == BB_ERR_BUSY);
 		if (status >= 0)
 			continue;
 		bb_result_count(l->result, "presents_refused", 1);

@@ -109,18 +109,6 @@ static void watch_rhythm(struct bb_frame_loop *l, int64_t now_ns)
 	l->doubled_seen = doubled;
 }
 
-static void watch_edges(struct bb_frame_loop *l, int64_t now_ns)
-{
-	const int64_t silent_ns = now_ns - l->edge_ns;
-	const int64_t period_ns = (int64_t)bb_phase_period_ns(&l->phase);
-
-	/* Row G1: stuck after 1.5 periods; what is read once a frame may be a frame old as well. */
-	if (!l->was_away && silent_ns > l->frame_ns + period_ns * 3 / 2)
-		bb_watch_bad(l->watch, l->shutter_slot, now_ns,
-		             silent_ns > 8 * BB_NS_PER_S ? BB_HEALTH_LOST : BB_HEALTH_HOLDOVER,
-		             "sync lost: no edge for %.1f ms", (double)silent_ns * 1e-6);
-}
-
 void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_shutter_edge edges[READ_AT_ONCE];
@@ -133,13 +121,13 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 		for (size_t i = 0; i < n; i++) {
 			bb_phase_edge(&l->phase, &edges[i]);
 			bb_crosstalk_edge(l->crosstalk, &edges[i]);
-			if (edges[i].stage == BB_STAGE_EMITTER)
-				l->edge_ns = edges[i].at_ns;
+			bb_eyes_edge(l, &edges[i]);
 			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye,
 			               edges[i].eye);
 		}
 	}
-	if (status < 0)
+	l->eyes.gone = status < 0;
+	if (l->eyes.gone)
 		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "the chain is gone: %s",
 		             bb_status_text(status));
 }
@@ -150,8 +138,9 @@ void bb_shutters_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_n
 		return;
 	bb_shutters_feed(l, now_ns);
 	bb_crosstalk_frame(l->crosstalk, f->frame, now_ns, l->ledger);
+	if (!l->eyes.running)
+		return; /* open shutters have no phase */
 	sample_phase(l, f, now_ns);
 	watch_polarity(l, f, now_ns);
-	watch_edges(l, now_ns);
 	watch_rhythm(l, now_ns);
 }

@@ -180,7 +180,7 @@ static void plan_shows(struct stage *s)
 
 	s->begin_ns = SETTLE_CYCLES * cycle_ns;
 	for (int64_t i = 0; i < 2 * BB_PATTERN_COUNT; i++)
-		r->show[r->n_shows++] = (struct bb_show){ (enum bb_pattern)(i % BB_PATTERN_COUNT), i * s->options->cycles * cycle_ns,
+		r->show[r->n_shows++] = (struct bb_showing){ (enum bb_pattern)(i % BB_PATTERN_COUNT), i * s->options->cycles * cycle_ns,
 			                                  (i + 1) * s->options->cycles * cycle_ns };
 	r->rate = s->room->chain.rate;
 }

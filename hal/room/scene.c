@@ -60,6 +60,14 @@ static const struct bb_option picture_options[] = {
 	BB_OPT_END
 };
 
+static const struct bb_option patch_options[] = {
+	F64("hz", patch.hz, 0, 0, 60, "so often a second it shows both its greys"),
+	F64("size_m", patch.size_m, 0.2, 0, 100, "its edge; 0: the whole wall"),
+	F64("low_percent", patch.low_percent, 0, 0, 100, "its darker grey, of white, linear"),
+	F64("high_percent", patch.high_percent, 100, 0, 100, "its brighter grey"),
+	BB_OPT_END
+};
+
 const struct bb_scene_section *bb_scene_section(size_t i)
 {
 	static const struct bb_scene_section sections[] = {
@@ -67,6 +75,7 @@ const struct bb_scene_section *bb_scene_section(size_t i)
 		{ "data", data_options },
 		{ "budgets", budget_options },
 		{ "pictures", picture_options },
+		{ "patch", patch_options },
 	};
 
 	return i < BB_ARRAY_LEN(sections) ? &sections[i] : NULL;
@@ -222,9 +231,14 @@ static enum bb_status read_pictures(struct bb_reader *r, const struct bb_yaml_no
 	return bb_yaml_walk(r, v, picture_options, branches, target, 0);
 }
 
+static enum bb_status read_patch(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
+{
+	return bb_yaml_walk(r, v, patch_options, NULL, target, 0);
+}
+
 static const struct bb_yaml_branch top_branches[] = {
 	{ "data", read_data, false },       { "needs", read_needs, false }, { "budgets", read_budgets, false },
-	{ "pictures", read_pictures, false }, { NULL, NULL, false },
+	{ "pictures", read_pictures, false }, { "patch", read_patch, false }, { NULL, NULL, false },
 };
 
 static enum bb_status check_paths(struct bb_reader *r, const struct bb_yaml_node *root, struct bb_scene *s)
@@ -259,6 +273,8 @@ static enum bb_status check_whole(struct bb_reader *r, const struct bb_yaml_node
 		return bb_yaml_fail(r, 1017, root, "'transfer_function', technique volume needs it");
 	if (!volume && bb_yaml_get(root, "data"))
 		return bb_yaml_fail(r, 1201, bb_yaml_get(root, "data"), "technique calibration shows none");
+	if (volume && bb_yaml_get(root, "patch"))
+		return bb_yaml_fail(r, 1011, bb_yaml_get(root, "patch"), "'patch', technique calibration has one");
 	if (s->needs[BB_CLASS_CAMERAS] != BB_NOT_NEEDED && !*s->head_path)
 		return bb_yaml_fail(r, 1205, root, "needs.cameras: %d", s->needs[BB_CLASS_CAMERAS]);
 	return check_paths(r, root, s);
@@ -270,6 +286,7 @@ static void defaults(struct bb_scene *s)
 	bb_options_defaults(data_options, s);
 	bb_options_defaults(budget_options, s);
 	bb_options_defaults(picture_options, s);
+	bb_options_defaults(patch_options, s);
 	s->data.centre_m = (struct bb_vec3){ 0, 1.4, 0 };
 	s->pictures.all_walls = true;
 	s->pictures.eyes = 3;

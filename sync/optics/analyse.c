@@ -169,7 +169,7 @@ static struct turned phasor(const struct bb_analyser *a, double since_ns)
 }
 
 /* One interval of one show; it may end a cycle. */
-static void step_show(struct bb_analyser *a, const struct bb_show *show, size_t s, int64_t at_ns, const double *volts)
+static void step_show(struct bb_analyser *a, const struct bb_showing *show, size_t s, int64_t at_ns, const double *volts)
 {
 	const double t0 = (double)(a->last_ns - show->from_ns), t1 = (double)(at_ns - show->from_ns);
 	const double cycle = floor(t1 / a->nominal_ns), edge = cycle * a->nominal_ns;

@@ -68,7 +68,7 @@ static enum bb_status read_show(struct bb_recorded *r, char *value, struct bb_er
 	if (!word || !from || !to || strtok_r(NULL, " ", &save) || !bb_pattern_find(word, &pattern) ||
 	    !number_alone(from, -MOST_S, MOST_S, &a) || !number_alone(to, -MOST_S, MOST_S, &b))
 		REFUSE(r, err, 1631, "a show is a pattern and two times");
-	const struct bb_show show = { pattern, llround(a * 1e9), llround(b * 1e9) };
+	const struct bb_showing show = { pattern, llround(a * 1e9), llround(b * 1e9) };
 	if (show.to_ns <= show.from_ns || (rec->n_shows && show.from_ns < rec->show[rec->n_shows - 1].to_ns))
 		REFUSE(r, err, 1631, "shows ascend and lie apart");
 	rec->show[rec->n_shows++] = show;

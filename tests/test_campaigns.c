@@ -1,0 +1,70 @@
+/*
+ * tests/test_campaigns.c: random faults for ten seconds, again and again, and never more than three flashes in a second, as
+ * the run's own meter sees it and as an oracle does that knows what the shutters really did. `test_campaigns 10000 [FIRST]`
+ * runs so many (make soak).
+ */
+#include "tests/flash_campaign.h"
+
+static uint64_t n_campaigns = 200, first;
+
+static void no_campaign_flashes(void **state)
+{
+	const char *scene = still_scene();
+	struct sim_fault *f = calloc(300, sizeof(*f));
+	uint64_t opened = 0, faults = 0, silent = 0;
+	double worst = 0;
+	unsigned most = 0;
+	int bad = 0;
+
+	(void)state;
+	assert_non_null(f);
+	for (uint64_t seed = first + 1; seed <= first + n_campaigns; seed++) {
+		const size_t n = plan_faults(seed, f, 300);
+		const struct campaign c = campaign_of(seed, f, n, scene, 0);
+		faults += n;
+		opened += c.opened;
+		silent += c.meter <= 0;
+		worst = fmax(worst, c.meter);
+		most = c.oracle > most ? c.oracle : most;
+		if (c.meter > 3 || c.oracle > 6) {
+			printf("seed %llu: meter %.1f, oracle %.1f at %.3f s\n", (unsigned long long)seed, c.meter, c.oracle / 2.0,
+			       (double)c.oracle_ns * 1e-9);
+			bad++;
+		}
+	}
+	printf("flashes: %llu campaigns of 10 s, %llu faults, shutters opened %llu times; worst second %.1f by the meter, %.1f by "
+	       "the oracle; %llu without any change\n", (unsigned long long)n_campaigns, (unsigned long long)faults,
+	       (unsigned long long)opened, worst, most / 2.0, (unsigned long long)silent);
+	unlink(scene);
+	free(f);
+	assert_int_equal(bad, 0);
+	assert_true(opened > n_campaigns / 4 && silent < n_campaigns / 2); /* they are campaigns, not holidays */
+}
+
+static void a_campaign_repeats(void **state)
+{
+	const char *scene = still_scene();
+	struct sim_fault *f = calloc(300, sizeof(*f));
+	const size_t n = plan_faults(9, f, 300);
+
+	(void)state;
+	const struct campaign a = campaign_of(9, f, n, scene, 0), b = campaign_of(9, f, n, scene, 0);
+	assert_string_equal(a.hash, b.hash);
+	assert_true(a.meter >= b.meter && a.meter <= b.meter && a.oracle == b.oracle);
+	unlink(scene);
+	free(f);
+}
+
+int main(int argc, char **argv)
+{
+	const struct CMUnitTest tests[] = {
+		cmocka_unit_test(no_campaign_flashes),
+		cmocka_unit_test(a_campaign_repeats),
+	};
+
+	if (argc > 1)
+		n_campaigns = strtoull(argv[1], NULL, 10);
+	if (argc > 2)
+		first = strtoull(argv[2], NULL, 10);
+	return cmocka_run_group_tests(tests, NULL, NULL);
+}
