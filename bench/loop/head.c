@@ -116,7 +116,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 		return BB_NEVER;
 	}
 	if (l->world && sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l)))
-		return now_ns + l->frame_ns / 4;
+		return scheduled_ns + l->frame_ns; /* so that it wakes in phase */
 	watch_gap(l, now_ns);
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
@@ -185,12 +185,14 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 
 /* ---- barrier ---- */
 
-/* May a frame begin at this vblank? Frame-sequential ones begin where the next vblank is the left eye's. */
+/* May a frame begin at this vblank? Frame-sequential ones begin where the next vblank is the left eye's; while nobody
+ * knows whose it is, two refreshes after the last one all the same, since two pictures are shown. */
 static bool begins_here(const struct bb_frame_loop *l, int64_t vblank_ns, int64_t period_ns)
 {
 	if (l->room->screens[l->master_screen].display.stereo != BB_STEREO_FRAME_SEQUENTIAL)
 		return true;
-	return bb_phase_eye_at(&l->phase, vblank_ns + period_ns + period_ns / 2) != BB_EYE_RIGHT;
+	const enum bb_eye eye = bb_phase_eye_at(&l->phase, vblank_ns + period_ns + period_ns / 2);
+	return eye == BB_EYE_NONE ? !l->turn_ns || vblank_ns - l->turn_ns > period_ns * 5 / 4 : eye == BB_EYE_LEFT;
 }
 
 int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
