@@ -91,7 +91,7 @@ struct bb_eyes { /* eyes.c */
 	size_t slot;
 };
 
-struct bb_view_cause { /* of a node's views, without padding */
+struct bb_view_cause { /* what a node's views follow from */
 	struct bb_pose navigation, eyes;
 	uint32_t depth, swapped;
 };

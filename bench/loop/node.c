@@ -39,6 +39,18 @@ static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb
 	return flags;
 }
 
+static bool same_pose(const struct bb_pose *a, const struct bb_pose *b)
+{
+	return a->p.x == b->p.x && a->p.y == b->p.y && a->p.z == b->p.z && a->q.w == b->q.w && a->q.x == b->q.x &&
+	       a->q.y == b->q.y && a->q.z == b->q.z;
+}
+
+static bool same_cause(const struct bb_view_cause *a, const struct bb_view_cause *b)
+{
+	return same_pose(&a->navigation, &b->navigation) && same_pose(&a->eyes, &b->eyes) && a->depth == b->depth &&
+	       a->swapped == b->swapped;
+}
+
 /* Views of every screen for every eye; navigation carries the room through the world like a vehicle. */
 static void make_views(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
@@ -49,7 +61,7 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 
 	/* A viewer who sits still leaves the views as they are. */
 	const struct bb_view_cause cause = { m->navigation, m->eyes, m->depth, m->swapped };
-	if (!n->made || memcmp(&cause, &n->made_for, sizeof(cause)) != 0) {
+	if (!n->made || !same_cause(&cause, &n->made_for)) {
 		n->made_for = cause;
 		n->made = true;
 		n->view_flags = 0;
