@@ -132,6 +132,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->loop = l;
 	n->index = index;
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
+	n->quality = 1;
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
 	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
@@ -262,6 +263,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
 	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	bb_straggler_init(&l->straggler, (unsigned)l->room->n_nodes, l->frame_ns);
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)

@@ -22,6 +22,7 @@
 #include "bench/watch.h"
 #include "sim/world.h"
 #include "sync/barrier.h"
+#include "sync/framelock/straggler.h"
 #include "sync/phase.h"
 #include "sync/track/tracker.h"
 
@@ -94,6 +95,8 @@ struct bb_node_machine { /* one node of the room */
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
 	struct bb_timer inbox, ready, hold;
+	double quality;                   /* of a draw: samples, as a share of the scene's */
+	size_t coarse;                    /* 1 + the warning that it is less than all; 0: none */
 	uint32_t *target;                 /* by screen: vblank its last image was presented for */
 	uint64_t frame;                   /* being drawn */
 	uint16_t source;                  /* in the event log */
@@ -113,6 +116,7 @@ struct bb_frame_loop {
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_barrier barrier;
+	struct bb_straggler straggler;
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
@@ -181,7 +185,7 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
-	int32_t way, none;
+	int32_t way, quality_ppm; /* of the draw: 1e6 is all */
 };
 
 /* Between the loop's files. */
