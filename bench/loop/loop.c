@@ -402,6 +402,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
 	l->result->truncated = bb_loop_interrupted(l);
+	bb_lock_prove(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
