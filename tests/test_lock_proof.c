@@ -37,6 +37,7 @@ static void by_hand(void **state)
 		{ { 6, 6, 7, 6 }, { 16667, 16667, 16667, 16667 }, 1, 100, BB_LOCK_COUNTERS_APART, 2 },
 		{ { 7, 7, 7, 7 }, { 0, 400, 5, 1 }, 1, 100, BB_LOCK_PHASES_APART, 1 },
 		{ { 7, 7, 7, 7 }, { 0, -400, 5, 1 }, 1, 100, BB_LOCK_PHASES_APART, 1 },
+		{ { 7, 7, 7, 7 }, { 0, 30, 5, 1 }, 1, 100, BB_LOCK_PHASES_APART, 1 },
 		{ { 7, 7, 7, 7 }, { 0, 15, 5, 1 }, 10, 100, BB_LOCK_INCONCLUSIVE, 1 },
 		{ { 7, 7, 7, 7 }, { 0, 3, 5, 1 }, 50, 100, BB_LOCK_INCONCLUSIVE, 2 },
 		{ { 7, 7, 7, 7 }, { 0, 3, 5, 1 }, 1, 11000000, BB_LOCK_INCONCLUSIVE, 0 },      /* too old */
