@@ -192,6 +192,20 @@ bench-gl: $B/tests/bench_gl
 bench-cast: $B/tests/bench/cast
 	@$< $(ARGS)
 
+# Ten minutes of 120 Hz in four processes: how late they wake beside a bare sleep (S=5 for a look; LINK=zmq).
+S ?= 600
+bench-posix: all
+	@BB_PROGRAM=$(PROGRAM) LINK=$(or $(LINK),shm) tests/bench/posix.sh $S
+
+# Ways to flip together: simulated, and real processes beside MPI_Barrier where OpenMPI is (quiet cores, or noise).
+bench-barrier: all
+	@$(MAKE) --no-print-directory $B/tests/bench/mpi_barrier || true
+	$(PROGRAM) bench barrier --mpi $B/tests/bench/mpi_barrier $(ARGS)
+$B/tests/bench/mpi_barrier: tests/bench/mpi_barrier.c
+	@command -v mpicc >/dev/null || { echo "SKIP: no mpicc here, so no MPI_Barrier (libopenmpi-dev openmpi-bin)"; exit 1; }
+	@mkdir -p $(@D)
+	@mpicc -O2 -o $@ $<
+
 format:
 	clang-format -i $(SRC) $(HDR) $(wildcard tests/*.[ch])
 
@@ -226,6 +240,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-gl bench-cast bench-barrier bench-posix fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

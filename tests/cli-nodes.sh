@@ -27,10 +27,11 @@ begun() { # until a run has its children
 }
 
 # kill -9 of one of four, in the middle: over either link, and once more where it is started again. All runs at once.
-for way in shm zmq again term dead; do
+for way in shm zmq again hang term dead; do
 	case $way in
 	zmq) options="--link zmq --duration 3" ;;
 	again) options="--restart --duration 3" ;;
+	hang) options="--duration 3.5" ;;
 	shm) options="--link shm --duration 3" ;;
 	*) options="--duration 60" ;;
 	esac
@@ -38,13 +39,17 @@ for way in shm zmq again term dead; do
 	$run $options --out "$work/$way" 2>"$work/$way.err" &
 	eval "pid_$way=$!"
 done
-for way in shm zmq again term dead; do
+OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
+pid_posix=$!
+for way in shm zmq again hang term dead; do
 	eval "begun \$pid_$way && pids_$way=\$(children \$pid_$way)"
 done
 sleep 1.6
 for way in shm zmq again; do
 	eval "kill -9 \$(echo \$pids_$way | cut -d' ' -f2)"
 done
+hung=$(echo $pids_hang | cut -d' ' -f2)
+(kill -STOP "$hung"; sleep 0.5; kill -CONT "$hung") &
 kill -TERM "$pid_term"
 kill -9 "$pid_dead"
 for way in shm zmq; do
@@ -58,6 +63,9 @@ for way in shm zmq; do
 	check "$way: no packet was refused" [ "$(field "$work/$way/result.json" "r['counters']['packets_refused']")" = 0 ]
 	check "$way: nobody is left behind" gone "$@"
 done
+wait "$pid_hang"
+check "a process that hangs: the rest go on without it" [ "$(field "$work/hang/result.json" "r['counters']['frames'] > 100 and any('did not come to the swap barrier' in i['what'] for i in r['incidents'])")" = True ]
+check "a process that hangs for a while is back" [ "$(field "$work/hang/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'did not come' in i['what'] and i['culprit'] == 'node/left')")" = True ]
 wait "$pid_again"
 check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
 check "restart: within 2 s" [ "$(field "$work/again/result.json" "max(i['to_s'] - i['from_s'] for i in r['incidents'] if 'signal 9' in i['what']) < 2")" = True ]
@@ -68,6 +76,11 @@ check "SIGTERM: nobody is left behind" gone $pids_term
 wait "$pid_dead" 2>/dev/null
 # shellcheck disable=SC2086
 check "the head dies: nobody outlives it" gone $pids_dead
+
+# 120 Hz: counters only, a fifth of the frames is enough on any machine
+wait $pid_posix
+check "120 Hz in four processes: frames, and none refused" [ "$(field "$work/posix/result.json" "r['counters']['frames'] >= 48 and r['counters']['packets_refused'] == 0 and 'processes_lost' not in r['counters']")" = True ]
+check "120 Hz: lateness stands beside the timer's floor" [ "$(grep -c 'wakes: p50' "$work/posix.txt")" = 4 ]
 
 # Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many
 $run --link zmq --wait --token-file "$work/token" --duration 2 --out "$work/hand" 2>"$work/err" &
@@ -95,6 +108,11 @@ check "a node by hand ends well with its head" [ $? = 0 ]
 check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r['counters']['frames'] > 60 and 'processes_lost' not in r['counters']")" = True ]
 check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
 wait
+
+# Barriers of real processes: every way works under every load, the peer that is not built says so
+"$program" bench barrier --real --processes 3 --seconds 0.02 --json >"$work/barrier.json" 2>"$work/err"
+check "bench barrier: every way came round" [ "$(field "$work/barrier.json" "all(x.get('rounds', 0) > 0 for x in r['real']['rows'] if x['barrier'] != 'mpi')")" = True ]
+check "bench barrier: three loads, eight ways, and MPI's reason" [ "$(field "$work/barrier.json" "(len(r['real']['rows']), sum('skipped' in x for x in r['real']['rows']))")" = "(24, 2)" ]
 
 # Words that make no sense
 refused() { "$@" 2>&1 >/dev/null | grep -o 'BB1[0-9]*' | head -n 1; }

@@ -1,7 +1,8 @@
 /*
  * bench/cmd/bench_barrier.c: `blackburst bench barrier`: ways to flip together, on a simulated network of many endpoints
- * (bench/barrier/table.h).
+ * (bench/barrier/table.h) and by real processes of this machine (bench/barrier/real.h).
  */
+#include "bench/barrier/real.h"
 #include "bench/barrier/table.h"
 #include "bench/cli.h"
 #include "bench/cmd/trade.h"
@@ -22,6 +23,10 @@ static const struct bb_cli_option options[] = {
 	{ "window", "N", "simulated: exchanges a clock is known from, 8 to 512 (64)" },
 	{ "seed", "N", "of all that is random (7)" },
 	{ "simulated", NULL, "the simulated part only" },
+	{ "real", NULL, "the real part only" },
+	{ "processes", "LIST", "real: numbers of processes, 2 to 8 (2,4,6,8)" },
+	{ "seconds", "S", "real: for each row, 0.02 to 60 (0.25)" },
+	{ "mpi", "PROGRAM", "real: tests/bench/mpi_barrier as built, for MPI_Barrier beside them" },
 	{ "png", "FILE", "a chart of the simulated part, .png or .svg" },
 	{ "json", NULL, "print everything as JSON" },
 	{ NULL, NULL, NULL },
@@ -113,24 +118,53 @@ static enum bb_status run_simulated(const struct bb_cli *cli, struct bb_barrier_
 	return png ? bb_barrier_table_plot(t, png, err) : BB_OK;
 }
 
+static enum bb_status run_real(const struct bb_cli *cli, struct bb_real_table *t, struct bb_error *err)
+{
+	double sizes[BB_REAL_SIZES_MOST];
+	enum bb_status st = read_list(cli, "processes", "2,4,6,8", 2, BB_REAL_SIZE_MOST, sizes, BB_REAL_SIZES_MOST, &t->n_sizes,
+	                              err);
+
+	if (st == BB_OK)
+		st = bb_cli_number(cli, "seconds", 0.25, 0.02, 60, &t->seconds, err);
+	for (size_t i = 0; st == BB_OK && i < t->n_sizes; i++)
+		t->sizes[i] = (unsigned)sizes[i];
+	t->mpi_program = bb_cli_get(cli, "mpi", NULL);
+	t->progress = isatty(STDERR_FILENO) ? bb_trade_say : NULL;
+	if (st == BB_OK)
+		st = bb_barrier_real(t, err);
+	if (t->progress)
+		t->progress("");
+	return st;
+}
+
 static int bench_barrier_run(const struct bb_cli *cli)
 {
 	struct bb_barrier_table t = { .usual = bb_troupe_usual() };
+	struct bb_real_table real = { 0 };
 	struct bb_error err = { 0 };
 	json_t *root = json_object();
+	const bool simulated = !bb_cli_has(cli, "real"), json = bb_cli_has(cli, "json");
 	enum bb_status st = read_table(cli, &t, &err);
 	int code = BB_EXIT_OK;
 
-	if (st == BB_OK)
+	if (st == BB_OK && simulated)
 		st = run_simulated(cli, &t, &err);
-	if (st == BB_OK && bb_cli_has(cli, "json"))
+	if (st == BB_OK && simulated && json)
 		json_object_set_new(root, "simulated", bb_barrier_table_json(&t));
-	else if (st == BB_OK)
+	else if (st == BB_OK && simulated)
 		bb_barrier_table_print(&t, stdout);
 	bb_barrier_table_release(&t);
+	if (st == BB_OK && !bb_cli_has(cli, "simulated")) {
+		st = run_real(cli, &real, &err);
+		if (st == BB_OK && json)
+			json_object_set_new(root, "real", bb_barrier_real_json(&real));
+		else if (st == BB_OK)
+			bb_barrier_real_print(&real, stdout);
+		bb_barrier_real_release(&real);
+	}
 	if (st != BB_OK)
 		code = bb_cli_fail(st, &err);
-	else if (bb_cli_has(cli, "json"))
+	else if (json)
 		return bb_cli_print_json(root);
 	json_decref(root);
 	return code;
@@ -139,7 +173,7 @@ static int bench_barrier_run(const struct bb_cli *cli)
 const struct bb_command bb_cmd_bench_barrier = {
 	.name = "bench barrier",
 	.line = "ways to flip together: skew, cost, messages, behaviour under loss, from 2 to 416 endpoints",
-	.usage = "[--endpoints LIST] [--loss LIST] [--frames N] [--simulated] [--png FILE] [--json]",
+	.usage = "[--endpoints LIST] [--loss LIST] [--frames N] [--simulated | --real] [--processes LIST] [--seconds S] [--mpi PROGRAM] [--png FILE] [--json]",
 	.options = options,
 	.least_args = 0,
 	.most_args = 0,

@@ -129,6 +129,9 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	(void)scheduled_ns;
 
 	f->tracked_ns = now_ns;
+	if (l->processes)
+		l->barrier.timeout_ns = bb_loop_barrier_timeout_ns(l);
+	l->usual_ns -= l->usual_ns / 8;
 	bb_barrier_open(&l->barrier, f->frame, l->drawing_nodes, now_ns);
 	if (!l->lock && bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
 		bb_clock_stop(l->clk);

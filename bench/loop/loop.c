@@ -12,17 +12,20 @@
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
 #define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
-#define BARRIER_PROCESSES_NS (BB_NS_PER_S / 2) /* they draw for real; one that died is known before */
+#define BARRIER_LEAST_NS (BB_NS_PER_S / 20)    /* processes: the scheduler alone may keep one for so long */
 
 bool bb_loop_interrupted(const struct bb_frame_loop *l)
 {
 	return l->options->interrupted && *l->options->interrupted;
 }
 
-static int64_t barrier_timeout_ns(const struct bb_frame_loop *l)
+/* Processes draw for real, and for as long as they lately did; one that died is known before. */
+int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l)
 {
-	if (l->processes)
-		return BARRIER_PROCESSES_NS;
+	if (l->processes && l->usual_ns) {
+		const int64_t usual_ns = BARRIER_PERIODS * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns);
+		return usual_ns > BARRIER_LEAST_NS ? usual_ns : BARRIER_LEAST_NS;
+	}
 	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns;
 }
 
@@ -262,7 +265,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
-	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, bb_loop_barrier_timeout_ns(l), BARRIER_DROP_AFTER);
 	bb_straggler_init(&l->straggler, (unsigned)l->room->n_nodes, l->frame_ns);
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);

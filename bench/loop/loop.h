@@ -138,6 +138,7 @@ struct bb_frame_loop {
 	uint64_t ready_processes;         /* bits */
 	struct bb_timer beat, look_after; /* bench/loop/remote.c */
 	int64_t late_ns, left_ns;         /* the latest beat; when the left eye of the frame under way should see it */
+	int64_t usual_ns;                 /* what the slowest node took lately, falling by an eighth a frame; 0: not known */
 
 	struct bb_timer begin, send, head_inbox, deadline;
 	int64_t scene_start_ns, end_ns;
@@ -198,6 +199,7 @@ void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_
 double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
+int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l);
 bool bb_loop_interrupted(const struct bb_frame_loop *l);
 /* Releases the barrier when all that are waited for are there, or the time is over. */
 void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns);
