@@ -58,12 +58,24 @@ static enum bb_status node_stall(void *device, const struct sim_fault_args *args
 	return BB_OK;
 }
 
+static enum bb_status node_suspend(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+
+	(void)args;
+	(void)err;
+	if (node)
+		node->suspended += on ? 1 : -1;
+	return BB_OK;
+}
+
 const struct sim_verb sim_node_verbs[] = {
 	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
 	{ "drag", "factor=N", "every draw of the node takes N times as long", "factor=1.5", node_drag },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
+	{ "suspend", "", "the head runs nothing from the next frame on, as after closing a lid", "", node_suspend },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 
@@ -99,6 +111,11 @@ int64_t sim_world_node_drag_ppm(const struct sim_world *w, uint16_t node)
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node)
 {
 	return node < w->room->n_nodes && w->nodes[node].stalled > 0;
+}
+
+bool sim_world_node_suspended(const struct sim_world *w, uint16_t node)
+{
+	return node < w->room->n_nodes && w->nodes[node].suspended > 0;
 }
 
 bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns)

@@ -94,6 +94,9 @@ struct bb_node_machine { /* one node of the room */
 	bool failure_told;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
+	struct bb_pose made_for[2];       /* what the views were made for: navigation, eyes; */
+	bool made;
+	unsigned view_flags;
 	struct bb_timer inbox, ready, hold;
 	double quality;                   /* of a draw: samples, as a share of the scene's */
 	size_t coarse;                    /* 1 + the warning that it is less than all; 0: none */
@@ -118,6 +121,7 @@ struct bb_frame_loop {
 	struct bb_barrier barrier;
 	struct bb_straggler straggler;
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
+	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
 	const struct bb_bricks *bricks;
@@ -153,6 +157,7 @@ struct bb_frame_loop {
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
 	uint32_t *camera_seq;
 	int64_t turn_ns;                  /* when the devices were read last */
+	int64_t due_ns;                   /* a suspended head: when its next frame was due; 0: it is awake */
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */

@@ -14,6 +14,21 @@ static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_
 		                    bb_pose_apply(by, c->upper_left) };
 }
 
+static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb_pose *navigation,
+                            const struct bb_vec3 eye[2], struct bb_vec3 fallback)
+{
+	const struct bb_frame_loop *l = n->loop;
+	const struct bb_corners c = move_corners(navigation, &l->room->screens[n->screens[s]].corners);
+	unsigned flags = 0;
+
+	for (unsigned e = 0; e < l->n_eyes; e++) {
+		struct bb_view *v = &n->views[s * l->n_eyes + e];
+		*v = bb_view_make(&c, eye[e], fallback, NEAR_M, FAR_M);
+		flags |= v->flags;
+	}
+	return flags;
+}
+
 /* Views of every screen for every eye; navigation carries the room through the world like a vehicle. */
 static void make_views(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
@@ -22,18 +37,20 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	const struct bb_vec3 fallback = bb_pose_apply(&m->navigation, l->room->neutral);
 	struct bb_vec3 eye[2];
 
-	bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
-	if (l->n_eyes == 1)
-		eye[0] = eyes.p;
-	for (size_t s = 0; s < n->n_screens; s++) {
-		const struct bb_corners c = move_corners(&m->navigation, &l->room->screens[n->screens[s]].corners);
-		for (unsigned e = 0; e < l->n_eyes; e++) {
-			struct bb_view *v = &n->views[s * l->n_eyes + e];
-			*v = bb_view_make(&c, eye[e], fallback, NEAR_M, FAR_M);
-			if (f)
-				f->view_flags |= v->flags;
-		}
+	/* A viewer who sits still leaves the views as they are. */
+	const struct bb_pose made_for[2] = { m->navigation, m->eyes };
+	if (!n->made || memcmp(made_for, n->made_for, sizeof(made_for)) != 0) {
+		memcpy(n->made_for, made_for, sizeof(made_for));
+		n->made = true;
+		n->view_flags = 0;
+		bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
+		if (l->n_eyes == 1)
+			eye[0] = eyes.p;
+		for (size_t s = 0; s < n->n_screens; s++)
+			n->view_flags |= make_screen(n, s, &m->navigation, eye, fallback);
 	}
+	if (f)
+		f->view_flags |= n->view_flags;
 }
 
 static uint64_t brick_bytes(const struct bb_node_machine *n)
