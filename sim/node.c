@@ -25,6 +25,17 @@ static enum bb_status node_slow(void *device, const struct sim_fault_args *args,
 	return status;
 }
 
+static enum bb_status node_drag(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+	double factor;
+	const enum bb_status status = sim_fault_range(args, "factor", SIM_FAULT_REQUIRED, 1, 100, &factor, err);
+
+	if (status == BB_OK && node)
+		node->drag_ppm += llround((on ? 1e6 : -1e6) * (factor - 1));
+	return status;
+}
+
 static enum bb_status node_crash(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_node_state *node = device;
@@ -61,6 +72,7 @@ static enum bb_status node_suspend(void *device, const struct sim_fault_args *ar
 const struct sim_verb sim_node_verbs[] = {
 	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
+	{ "drag", "factor=N", "every draw of the node takes N times as long", "factor=1.5", node_drag },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
 	{ "suspend", "", "the process stands still, as after closing a lid; of the head: the frame loop", "", node_suspend },
@@ -89,6 +101,11 @@ int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_
 	if (node >= w->room->n_nodes)
 		return 0;
 	return w->nodes[node].late_frames * w->frame_ns + w->nodes[node].slow_ns;
+}
+
+int64_t sim_world_node_drag_ppm(const struct sim_world *w, uint16_t node)
+{
+	return node < w->room->n_nodes ? w->nodes[node].drag_ppm : 0;
 }
 
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node)

@@ -53,6 +53,8 @@ bool sim_world_fed(const struct sim_world *w, const char *outlet);
 
 /* How long a node's image is delayed at this moment by faults, ns (the loop adds it to the node's cost). */
 int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_t at_ns);
+/* How much longer its draws take, beyond once. */
+int64_t sim_world_node_drag_ppm(const struct sim_world *w, uint16_t node);
 /* A node with a stalled disk reads nothing. */
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node);
 /* A suspended node does nothing, and what comes for it waits; of the head: the frame loop stands still. */

@@ -23,6 +23,7 @@ struct sim_node_state { /* sums over the faults that are set */
 	struct sim_world *world;
 	int64_t late_frames;
 	int64_t slow_ns;
+	int64_t drag_ppm;
 	int64_t crashed;
 	int64_t stalled;
 	int64_t suspended;

@@ -27,10 +27,11 @@ begun() { # until a run has its children
 }
 
 # kill -9 of one of four, in the middle: over either link, and once more where it is started again. All runs at once.
-for way in shm zmq again term dead; do
+for way in shm zmq again hang term dead; do
 	case $way in
 	zmq) options="--link zmq --duration 3" ;;
 	again) options="--restart --duration 3" ;;
+	hang) options="--duration 3.5" ;;
 	shm) options="--link shm --duration 3" ;;
 	*) options="--duration 60" ;;
 	esac
@@ -40,13 +41,15 @@ for way in shm zmq again term dead; do
 done
 OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
 pid_posix=$!
-for way in shm zmq again term dead; do
+for way in shm zmq again hang term dead; do
 	eval "begun \$pid_$way && pids_$way=\$(children \$pid_$way)"
 done
 sleep 1.6
 for way in shm zmq again; do
 	eval "kill -9 \$(echo \$pids_$way | cut -d' ' -f2)"
 done
+hung=$(echo $pids_hang | cut -d' ' -f2)
+(kill -STOP "$hung"; sleep 0.5; kill -CONT "$hung") &
 kill -TERM "$pid_term"
 kill -9 "$pid_dead"
 for way in shm zmq; do
@@ -60,6 +63,9 @@ for way in shm zmq; do
 	check "$way: no packet was refused" [ "$(field "$work/$way/result.json" "r['counters']['packets_refused']")" = 0 ]
 	check "$way: nobody is left behind" gone "$@"
 done
+wait "$pid_hang"
+check "a process that hangs: the rest go on without it" [ "$(field "$work/hang/result.json" "r['counters']['frames'] > 100 and any('did not come to the swap barrier' in i['what'] for i in r['incidents'])")" = True ]
+check "a process that hangs for a while is back" [ "$(field "$work/hang/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'did not come' in i['what'] and i['culprit'] == 'node/left')")" = True ]
 wait "$pid_again"
 check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
 check "restart: within 2 s" [ "$(field "$work/again/result.json" "max(i['to_s'] - i['from_s'] for i in r['incidents'] if 'signal 9' in i['what']) < 2")" = True ]

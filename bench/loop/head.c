@@ -172,12 +172,18 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	(void)scheduled_ns;
 
 	f->tracked_ns = now_ns;
+	if (l->processes)
+		l->barrier.timeout_ns = bb_loop_barrier_timeout_ns(l);
+	l->usual_ns -= l->usual_ns / 8;
 	bb_barrier_open(&l->barrier, f->frame, l->drawing_nodes, now_ns);
 	if (!l->lock && bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
 		bb_clock_stop(l->clk);
-	for (unsigned i = 0; i < l->room->n_nodes; i++)
-		if (l->drawing_nodes >> i & 1)
-			bb_loop_say(l, head, i, &m);
+	for (unsigned i = 0; i < l->room->n_nodes; i++) {
+		if (!(l->drawing_nodes >> i & 1))
+			continue;
+		m.quality = (uint16_t)lround(l->straggler.node[i].quality * BB_WHOLE);
+		bb_loop_say(l, head, i, &m);
+	}
 	if (l->lock)
 		bb_lock_begun(l, f, now_ns);
 	return BB_NEVER;
@@ -233,6 +239,31 @@ static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, u
 	}
 }
 
+/* Who is too slow draws coarser from the next frame on. */
+static void judge_stragglers(struct bb_frame_loop *l, const struct bb_frame *f, uint64_t waited, int64_t now_ns)
+{
+	for (unsigned i = 0; i < l->room->n_nodes; i++) {
+		const struct bb_node_times *t = &f->node[i];
+		if ((l->drawing_nodes & waited) >> i & 1 && t->received_ns)
+			bb_straggler_note(&l->straggler, i, (t->ready_ns ? t->ready_ns : now_ns) - t->received_ns);
+	}
+	const struct bb_straggler_verdict v = bb_straggler_decide(&l->straggler);
+	struct bb_node_machine *n = &l->nodes[v.node];
+	const double quality = l->straggler.node[v.node].quality;
+	if (v.change == BB_STRAGGLER_LOWER && !n->coarse)
+		n->coarse = 1 + bb_watch_warn(l->watch, l->node_slot[v.node], now_ns,
+		                              "STRAGGLER: frame %llu took %.1f ms of %.1f; it draws %.0f %% of its samples",
+		                              (unsigned long long)f->frame,
+		                              (double)(f->node[v.node].ready_ns - f->node[v.node].received_ns) * 1e-6,
+		                              (double)l->straggler.refresh_ns * 1e-6, quality * 100);
+	if (v.change == BB_STRAGGLER_RAISE && n->coarse && quality >= 1) {
+		bb_watch_over(l->watch, n->coarse - 1, now_ns);
+		n->coarse = 0;
+	}
+	if (v.change == BB_STRAGGLER_LOWER)
+		bb_result_count(l->result, "qualities_lowered", 1);
+}
+
 void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, uint64_t waited, int64_t now_ns)
 {
 	struct bb_frame *f = bb_loop_frame(l, r->frame);
@@ -244,6 +275,9 @@ void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, u
 		f->late = now_ns > f->start_ns + l->refresh_ns;
 		blame_late_node(l, f, waited, now_ns);
 	}
+	/* In one process that draws for real, one node's time is all nodes' time. */
+	if (f && (l->processes || !l->draw_everything))
+		judge_stragglers(l, f, waited, now_ns);
 	bb_eventlog_add(l->events, barrier_source(l), BB_EV_RELEASE, now_ns, (int64_t)r->frame, (int64_t)r->missing);
 	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)bb_loop_head(l), now_ns, (int32_t)r->frame, 0);
 }

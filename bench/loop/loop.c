@@ -14,17 +14,20 @@
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
 #define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
-#define BARRIER_PROCESSES_NS (BB_NS_PER_S / 2) /* they draw for real; one that died is known before */
+#define BARRIER_LEAST_NS (BB_NS_PER_S / 20)    /* processes: the scheduler alone may keep one for so long */
 
 bool bb_loop_interrupted(const struct bb_frame_loop *l)
 {
 	return l->options->stop && *l->options->stop;
 }
 
-static int64_t barrier_timeout_ns(const struct bb_frame_loop *l)
+/* Processes draw for real, and for as long as they lately did; one that died is known before. */
+int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l)
 {
-	if (l->processes)
-		return BARRIER_PROCESSES_NS;
+	if (l->processes && l->usual_ns) {
+		const int64_t usual_ns = BARRIER_PERIODS * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns);
+		return usual_ns > BARRIER_LEAST_NS ? usual_ns : BARRIER_LEAST_NS;
+	}
 	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns;
 }
 
@@ -134,6 +137,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->loop = l;
 	n->index = index;
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
+	n->quality = 1;
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
 	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
@@ -266,7 +270,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	take_slots(l);
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
-	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, bb_loop_barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	bb_straggler_init(&l->straggler, (unsigned)l->room->n_nodes, l->frame_ns);
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
@@ -419,6 +424,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
 	l->result->truncated = bb_loop_interrupted(l);
+	bb_lock_prove(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);

@@ -25,6 +25,7 @@
 #include "bench/watch.h"
 #include "sim/world.h"
 #include "sync/barrier.h"
+#include "sync/framelock/straggler.h"
 #include "sync/phase.h"
 #include "sync/polarity.h"
 #include "sync/sync_guard.h"
@@ -119,6 +120,8 @@ struct bb_node_machine { /* one node of the room */
 	bool made;
 	unsigned view_flags;
 	struct bb_timer inbox, ready, hold;
+	double quality;                   /* of a draw: samples, as a share of the scene's */
+	size_t coarse;                    /* 1 + the warning that it is less than all; 0: none */
 	uint32_t *target;                 /* by screen: vblank its last image was presented for */
 	uint64_t frame;                   /* being drawn */
 	uint16_t source;                  /* in the event log */
@@ -142,8 +145,9 @@ struct bb_frame_loop {
 	struct bb_eyes eyes;
 	struct bb_light *light;           /* NULL: displays not needed */
 	struct bb_barrier barrier;
-	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
+	struct bb_straggler straggler;
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
+	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
 	const struct bb_bricks *bricks;
@@ -164,6 +168,7 @@ struct bb_frame_loop {
 	uint64_t ready_processes;         /* bits */
 	struct bb_timer beat, look_after; /* bench/loop/remote.c */
 	int64_t late_ns, left_ns;         /* the latest beat; when the left eye of the frame under way should see it */
+	int64_t usual_ns;                 /* what the slowest node took lately, falling by an eighth a frame; 0: not known */
 
 	struct bb_timer begin, send, head_inbox, deadline;
 	int64_t scene_start_ns, end_ns;
@@ -213,8 +218,9 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
-	int32_t way;
-	uint16_t depth, light;            /* 0 .. BB_WHOLE: the eyes' distance and the pictures' brightness, of their own */
+	int16_t way;
+	uint16_t quality;                 /* of the draw */
+	uint16_t depth, light;            /* 0 .. BB_WHOLE, as quality: the eyes' distance and the pictures' brightness, of their own */
 };
 #define BB_WHOLE 65535
 
@@ -228,6 +234,7 @@ void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_
 double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
+int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l);
 bool bb_loop_interrupted(const struct bb_frame_loop *l);
 /* Releases the barrier when all that are waited for are there, or the time is over. */
 void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns);

@@ -130,7 +130,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 	const double step_ns = l->scene->data.seconds_per_step * 1e9;
 	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
 		                               .height_px = (uint32_t)d->height_px, .step = m->steps,
-		                               .step_voxels = l->scene->data.step_voxels, .way = m->way, .ahead = m->ahead,
+		                               .step_voxels = l->scene->data.step_voxels / n->quality, .way = m->way, .ahead = m->ahead,
 		                               .n_ahead = BB_AHEAD,
 		                               .ahead_frames = (uint32_t)(step_ns / (double)l->frame_ns) + 1,
 		                               .bricks_most = bricks_in_time(n), .now_ns = bb_clock_now_ns(l->clk) };
@@ -172,7 +172,7 @@ static void draw_all(struct bb_node_machine *n, uint16_t light)
 		const struct bb_screen *s = &l->room->screens[n->screens[v / l->n_eyes]];
 		const struct bb_layer layer = n->stream ? bb_stream_layer(n->stream) : (struct bb_layer){ 0 };
 		const struct bb_draw draw = { .view = &n->views[v], .layers = &layer, .n_layers = 1,
-			                      .step_voxels = l->scene->data.step_voxels };
+			                      .step_voxels = l->scene->data.step_voxels / n->quality };
 		struct bb_image *image = bb_loop_canvas(l, s);
 		enum bb_status status = BB_ERR_NOMEM;
 		if (image && n->stream)
@@ -218,6 +218,13 @@ static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_mach
 	return l->options->plant_draw_ns + (l->world ? sim_world_node_delay_ns(l->world, n->index, now_ns) : 0);
 }
 
+static int64_t dragged_ns(const struct bb_node_machine *n)
+{
+	const int64_t ppm = n->loop->world ? sim_world_node_drag_ppm(n->loop->world, n->index) : 0;
+
+	return (int64_t)((double)n->draw_ns * (double)ppm * 1e-6);
+}
+
 static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
 {
 	struct bb_frame_loop *l = n->loop;
@@ -228,13 +235,14 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (l->lock && n->ready.slot)
 		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
 	n->frame = m->frame;
+	n->quality = m->quality ? m->quality / (double)BB_WHOLE : 1;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
 	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.arrived,
 	                                 c.arrived * brick_bytes(n)) - n->draw_ns;
 	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn) + n->load_ns;
-	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns;
+	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns + dragged_ns(n);
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
 		n->load_ns = c.loaded || c.arrived ? selected_ns - now_ns : 0;

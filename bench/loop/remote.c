@@ -224,6 +224,7 @@ static void hear_drew(struct bb_frame_loop *l, const struct told_message *m, int
 	if (f) {
 		f->node[n->index].received_ns = m->received_ns;
 		f->node[n->index].selected_ns = m->selected_ns;
+		l->usual_ns = now_ns - f->start_ns > l->usual_ns ? now_ns - f->start_ns : l->usual_ns;
 		f->load_ns = m->load_ns > f->load_ns ? m->load_ns : f->load_ns;
 		f->view_flags |= m->view_flags;
 		bb_node_book(n, f, &m->counts, m->received_ns);

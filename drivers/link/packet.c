@@ -41,12 +41,13 @@ size_t link_packet_put(struct bb_seal *seal, const struct link_packet *p, uint8_
 	return bb_seal_make(seal, out, n, out + n) ? n + BB_SEAL_BYTES : 0;
 }
 
+/* What is cut was refused before: here it may only be too long. */
 static bool well_formed(const uint8_t *bytes, size_t n)
 {
 	const uint64_t kind = get(bytes + 4, 2), n_bytes = get(bytes + 36, 2);
 
 	return get(bytes, 4) == MAGIC && kind >= LINK_DATA && kind < LINK_KINDS && n_bytes <= BB_LINK_MESSAGE_MAX &&
-	       !get(bytes + 38, 2) && n == LINK_HEADER_BYTES + n_bytes + BB_SEAL_BYTES &&
+	       !get(bytes + 38, 2) && n <= LINK_HEADER_BYTES + n_bytes + BB_SEAL_BYTES &&
 	       (kind == LINK_DATA || !get(bytes + 32, 4));
 }
 
