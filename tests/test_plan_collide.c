@@ -342,6 +342,35 @@ static void measured_edges_are_placed_beside_the_plan(void **state)
 	remove(file);
 }
 
+/* Projectors behind shutters tell no eye by their vblanks: the glasses begin the cycle, where the plan has them. */
+static void shutters_are_placed_by_the_glasses(void **state)
+{
+	static struct bb_plan plan;
+	static struct bb_phase_edges e;
+	struct bb_room *r = room("rooms/cabin.yaml");
+	struct bb_error err = { 0 };
+	FILE *f = fopen(file, "w");
+	(void)state;
+
+	assert_int_equal(bb_plan_room(r, 2, &plan, &err), BB_OK);
+	assert_non_null(f);
+	fputs("t_ns,track,eye,event\r\n", f);
+	for (int k = 0; k < 50; k++) {
+		const double lens = 1e9 + 1e9 / 60 * k;
+		fprintf(f, "%.0f,glasses,left,open\r\n%.0f,shutter:floor,right,open\r\n%.0f,vblank:floor,NA,flip\r\n", lens,
+		        lens + 8333333, lens + 1000);
+	}
+	fclose(f);
+	assert_int_equal(bb_phase_edges_read(file, r, &plan, &e, &err), BB_OK);
+	assert_string_equal(e.reference, "glasses");
+	assert_true(fabs(e.group[0].mean_us - plan.timing.glasses_at_us) < 0.1);
+	const double late_us = plan.timing.glasses_at_us - plan.timing.shutter_at_us;
+	assert_true(late_us > 50 && fabs(bb_phase_off_us(&e, &e.group[1]) - late_us) < 0.1);
+	assert_true(isnan(e.group[2].planned_us));
+	bb_room_free(r);
+	remove(file);
+}
+
 static void edges_that_cannot_be_are_refused(void **state)
 {
 	static const struct {
@@ -402,6 +431,7 @@ int main(void)
 		cmocka_unit_test(margins_mean_what_they_say),
 		cmocka_unit_test(two_kinds_of_120_hz_are_named),
 		cmocka_unit_test(measured_edges_are_placed_beside_the_plan),
+		cmocka_unit_test(shutters_are_placed_by_the_glasses),
 		cmocka_unit_test(edges_that_cannot_be_are_refused),
 	};
 

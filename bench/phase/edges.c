@@ -213,16 +213,15 @@ static size_t before(const int64_t *times, size_t n, int64_t t)
 static double mean_step(const int64_t *times, size_t n)
 {
 	int64_t *steps = n > 1 ? calloc(n, sizeof(*steps)) : NULL;
+	const size_t middle = (n - 1) / 2;
 	double cycles = 0, median;
-	size_t n_steps;
 
 	if (!steps)
 		return 0;
 	for (size_t i = 0; i + 1 < n; i++)
 		steps[i] = times[i + 1] - times[i];
 	qsort(steps, n - 1, sizeof(*steps), by_time);
-	n_steps = n - 1;
-	median = (double)steps[n_steps / 2];
+	median = (double)steps[middle];
 	for (size_t i = 0; i + 1 < n && median > 0; i++)
 		cycles += round((double)steps[i] / median);
 	free(steps);

@@ -127,7 +127,7 @@ static bool same_camera(const struct bb_camera_config *a, const struct bb_camera
 
 static enum bb_status plan_cameras(const struct bb_room *room, struct bb_plan *p, struct bb_error *err)
 {
-	const struct bb_camera_config *like[BB_PLAN_CAMERAS_MAX] = { NULL };
+	size_t like[BB_PLAN_CAMERAS_MAX] = { 0 }; /* the first camera of each kind */
 	struct bb_light_span spans[BB_TOKENS];
 	size_t n = 0;
 
@@ -137,7 +137,7 @@ static enum bb_status plan_cameras(const struct bb_room *room, struct bb_plan *p
 		const struct bb_camera_config *camera = &room->cameras[i];
 		size_t k = 0;
 
-		while (k < p->n_cameras && !same_camera(like[k], camera))
+		while (k < p->n_cameras && !same_camera(&room->cameras[like[k]], camera))
 			k++;
 		if (k == BB_PLAN_CAMERAS_MAX)
 			return bb_fail(err, BB_ERR_CONFIG, 1612, NULL, "%d kinds of cameras", BB_PLAN_CAMERAS_MAX);
@@ -146,7 +146,7 @@ static enum bb_status plan_cameras(const struct bb_room *room, struct bb_plan *p
 			c->n++;
 			continue;
 		}
-		like[p->n_cameras++] = camera;
+		like[p->n_cameras++] = i;
 		*c = (struct bb_plan_camera){ .n = 1, .locked = camera->sync != BB_SYNC_FREE,
 			                      .exposure_us = camera->exposure_us };
 		memcpy(c->first, camera->id, sizeof(c->first));
