@@ -102,7 +102,7 @@ struct bb_plan {
 /* The crosstalk budget of the room, else BB_PLAN_LIMIT_PERCENT. */
 double bb_plan_limit(const struct bb_room *room);
 /* Chooses the timing that holds the limit at the highest light of the darkest band. BB_ERR_CONFIG: 1610 no stereo wall,
- * 1611 more walls than a plan holds. */
+ * 1611 more walls, 1612 more kinds of cameras than a plan holds. */
 BB_MUST_CHECK enum bb_status bb_plan_room(const struct bb_room *room, double limit_percent, struct bb_plan *out,
                                           struct bb_error *err);
 /* The same numbers for a timing as it is, e.g. the one in the room file (bb_plan_configured). */

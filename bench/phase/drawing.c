@@ -181,7 +181,7 @@ static double wall_track(const struct page *p, const struct bb_plan_wall *w, siz
 
 static double bands(const struct page *p, const struct bb_plan_wall *w, double y)
 {
-	for (size_t b = 0; b < BB_PLAN_BANDS; b++, y += ROW) {
+	for (size_t b = 0; b < BB_PLAN_BANDS; b++) {
 		const struct bb_plan_band *band = &w->band[b];
 		const double from = (double)band->window_from_ns / 1e3, length = (double)band->window_to_ns / 1e3 - from;
 		const bool over = band->light.crosstalk_percent > p->plan->limit_percent;
@@ -195,6 +195,7 @@ static double bands(const struct page *p, const struct bb_plan_wall *w, double y
 			         "never: %.0f us are lacking", -length);
 		pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10.5, over, over ? pen_camera : pen_ink,
 		         "light %.2f %%, crosstalk %.2f %%", band->light.light_percent, band->light.crosstalk_percent);
+		y += ROW;
 	}
 	return y + GAP;
 }
@@ -246,7 +247,7 @@ static double tokens(const struct page *p, double y)
 
 static double cameras(const struct page *p, double y)
 {
-	for (size_t i = 0; i < p->plan->n_cameras; i++, y += ROW) {
+	for (size_t i = 0; i < p->plan->n_cameras; i++) {
 		const struct bb_plan_camera *c = &p->plan->camera[i];
 		const double cycle = 2 * p->plan->period_us, step = 1e6 / c->rate_hz;
 		char name[64];
@@ -254,8 +255,8 @@ static double cameras(const struct page *p, double y)
 		snprintf(name, sizeof(name), c->n > 1 ? "%s + %zu, %g Hz" : "%s%.0zu, %g Hz", c->first, c->n - 1, c->rate_hz);
 		pen_text(p->cr, (struct pen_point){ LEFT - 12, y + ROW / 2 }, PEN_RIGHT, 10, false, pen_ink, "strobe %s", name);
 		frame(p, y + 1, ROW - 2);
-		for (double at = 0; c->locked && at < fmax(cycle, step) - 1; at += step)
-			bar(p, c->offset_us + at, c->exposure_us, y + 3, ROW - 6, pen_alpha(pen_camera, 0.8));
+		for (int k = 0; c->locked && k * step < fmax(cycle, step) - 1; k++)
+			bar(p, c->offset_us + k * step, c->exposure_us, y + 3, ROW - 6, pen_alpha(pen_camera, 0.8));
 		if (!c->locked)
 			bar(p, 0, cycle, y + 3, ROW - 6, pen_alpha(pen_camera, 0.15));
 		if (c->locked)
@@ -264,6 +265,7 @@ static double cameras(const struct page *p, double y)
 		else
 			pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10, true, pen_camera,
 			         "free: %.1f %% meet tokens", c->mean_percent);
+		y += ROW;
 	}
 	return y + (p->plan->n_cameras ? GAP : 0);
 }
@@ -276,7 +278,7 @@ static double measured(const struct page *p, double y)
 	pen_text(p->cr, (struct pen_point){ LEFT, y + 6 }, PEN_LEFT, 12, true, measured_colour,
 	         "measured: cycles of %.2f us, begun by the left edges of %s", e->cycle_us, e->reference);
 	y += 2 * ROW - 6;
-	for (size_t i = 0; i < e->n_groups; i++, y += ROW) {
+	for (size_t i = 0; i < e->n_groups; i++) {
 		const struct bb_phase_group *g = &e->group[i];
 		const double spread = g->most_us - g->least_us;
 		const bool loose = bb_phase_loose(e, g);
@@ -301,6 +303,7 @@ static double measured(const struct page *p, double y)
 		else
 			pen_text(p->cr, (struct pen_point){ RIGHT + 12, y + ROW / 2 }, PEN_LEFT, 10, false, pen_ink,
 			         "at %.1f us, spread %.1f", g->mean_us, spread);
+		y += ROW;
 	}
 	return y + GAP;
 }
@@ -333,21 +336,13 @@ static void head(const struct page *p)
 	legend(p);
 }
 
-static bool alike(const struct bb_plan_wall *a, const struct bb_plan_wall *b)
-{
-	for (size_t i = 0; i < BB_PLAN_BANDS; i++)
-		if (memcmp(&a->band[i], &b->band[i], sizeof(a->band[i])) != 0)
-			return false;
-	return a->display->stereo == b->display->stereo && a->display->kind == b->display->kind;
-}
-
 /* Has a wall before i the same picture? How many from i on do? */
 static size_t n_alike(const struct bb_plan *plan, size_t i)
 {
 	size_t n = 0;
 
 	for (size_t k = 0; k < plan->n_walls; k++)
-		if (alike(&plan->wall[k], &plan->wall[i])) {
+		if (bb_phase_alike(&plan->wall[k], &plan->wall[i])) {
 			if (k < i)
 				return 0;
 			n++;

@@ -212,7 +212,8 @@ static size_t before(const int64_t *times, size_t n, int64_t t)
 /* The mean step in us, of steps that may have gaps: the median says how many cycles each one holds. */
 static double mean_step(const int64_t *times, size_t n)
 {
-	int64_t *steps = calloc(n, sizeof(*steps));
+	int64_t *steps = n > 1 ? calloc(n, sizeof(*steps)) : NULL;
+	const size_t middle = (n - 1) / 2;
 	double cycles = 0, median;
 
 	if (!steps)
@@ -220,7 +221,7 @@ static double mean_step(const int64_t *times, size_t n)
 	for (size_t i = 0; i + 1 < n; i++)
 		steps[i] = times[i + 1] - times[i];
 	qsort(steps, n - 1, sizeof(*steps), by_time);
-	median = (double)steps[(n - 1) / 2];
+	median = (double)steps[middle];
 	for (size_t i = 0; i + 1 < n && median > 0; i++)
 		cycles += round((double)steps[i] / median);
 	free(steps);

@@ -39,14 +39,10 @@ bool bb_phase_clear(const struct bb_plan *p)
 /* A delay as the room file takes it: 0 .. one period; what does not fit belongs to the other eye's edge. */
 static double in_file(double at_us, double period_us, bool *exchanged)
 {
-	double at = at_us;
+	const double edges = floor(at_us / period_us);
 
-	*exchanged = false;
-	for (; at < 0; at += period_us)
-		*exchanged = !*exchanged;
-	for (; at >= period_us; at -= period_us)
-		*exchanged = !*exchanged;
-	return at;
+	*exchanged = fmod(edges, 2) != 0;
+	return at_us - edges * period_us;
 }
 
 /* --- table -------------------------------------------------------------------------------------------------------- */
@@ -83,12 +79,12 @@ static bool same_band(const struct bb_plan_band *a, const struct bb_plan_band *b
 	       a->light.crosstalk_percent == b->light.crosstalk_percent;
 }
 
-static bool same_wall(const struct bb_plan_wall *a, const struct bb_plan_wall *b)
+bool bb_phase_alike(const struct bb_plan_wall *a, const struct bb_plan_wall *b)
 {
 	for (size_t i = 0; i < BB_PLAN_BANDS; i++)
 		if (!same_band(&a->band[i], &b->band[i]))
 			return false;
-	return true;
+	return a->display->stereo == b->display->stereo && a->display->kind == b->display->kind;
 }
 
 static void print_walls(const struct bb_plan *p, FILE *out)
@@ -98,7 +94,7 @@ static void print_walls(const struct bb_plan *p, FILE *out)
 	for (size_t i = 0; i < p->n_walls; i++) {
 		const struct bb_plan_wall *w = &p->wall[i];
 
-		if (i > 0 && same_wall(w - 1, w)) {
+		if (i > 0 && bb_phase_alike(w - 1, w)) {
 			fprintf(out, "%-24s the same\n", w->id);
 			continue;
 		}

@@ -17,6 +17,8 @@ json_t *bb_phase_json(const struct bb_room *room, const struct bb_plan *plan, co
 /* Do tokens and exposures stay apart, as far as tokens are known? */
 bool bb_phase_clear(const struct bb_plan *plan);
 
+/* Would one drawing do for both? */
+bool bb_phase_alike(const struct bb_plan_wall *a, const struct bb_plan_wall *b);
 extern const char *const bb_phase_band[BB_PLAN_BANDS]; /* "top", "middle", "bottom" */
 
 /* Crosstalk against light: the best there is for one limit after the other. */

@@ -97,7 +97,7 @@ static double lacking(const struct bb_light_span *spans, size_t n, const struct 
 static void fold_and_count(const struct bb_light_span *spans, size_t n, double exposure_us, struct bb_collisions *out)
 {
 	struct edges e = { .n = 0 };
-	bool hit[2 * BB_TOKENS + 2];
+	bool hit[2 * BB_TOKENS + 2] = { false };
 
 	add_edge(&e, 0);
 	add_edge(&e, out->fold_us);

@@ -125,9 +125,9 @@ static bool same_camera(const struct bb_camera_config *a, const struct bb_camera
 	       a->exposure_us == b->exposure_us && a->sync_offset_us == b->sync_offset_us;
 }
 
-static void plan_cameras(const struct bb_room *room, struct bb_plan *p)
+static enum bb_status plan_cameras(const struct bb_room *room, struct bb_plan *p, struct bb_error *err)
 {
-	const struct bb_camera_config *like[BB_PLAN_CAMERAS_MAX];
+	size_t like[BB_PLAN_CAMERAS_MAX] = { 0 }; /* the first camera of each kind */
 	struct bb_light_span spans[BB_TOKENS];
 	size_t n = 0;
 
@@ -137,21 +137,22 @@ static void plan_cameras(const struct bb_room *room, struct bb_plan *p)
 		const struct bb_camera_config *camera = &room->cameras[i];
 		size_t k = 0;
 
-		while (k < p->n_cameras && !same_camera(like[k], camera))
+		while (k < p->n_cameras && !same_camera(&room->cameras[like[k]], camera))
 			k++;
 		if (k == BB_PLAN_CAMERAS_MAX)
-			continue;
+			return bb_fail(err, BB_ERR_CONFIG, 1612, NULL, "%d kinds of cameras", BB_PLAN_CAMERAS_MAX);
 		struct bb_plan_camera *c = &p->camera[k];
 		if (k < p->n_cameras) {
 			c->n++;
 			continue;
 		}
-		like[p->n_cameras++] = camera;
+		like[p->n_cameras++] = i;
 		*c = (struct bb_plan_camera){ .n = 1, .locked = camera->sync != BB_SYNC_FREE,
 			                      .exposure_us = camera->exposure_us };
 		memcpy(c->first, camera->id, sizeof(c->first));
 		(c->locked ? lock : let_run)(c, spans, n, room->chain.rate, camera);
 	}
+	return BB_OK;
 }
 
 /* --- drift -------------------------------------------------------------------------------------------------------- */
@@ -188,7 +189,8 @@ static void plan_drift(struct bb_plan *p)
 
 /* ------------------------------------------------------------------------------------------------------------------ */
 
-static void fill(const struct bb_room *room, const struct plan_task *t, struct bb_plan *p)
+static enum bb_status fill(const struct bb_room *room, const struct plan_task *t, struct bb_plan *p,
+                           struct bb_error *err)
 {
 	p->worst = plan_task_light(t, &p->timing);
 	for (size_t i = 0; i < p->n_walls; i++)
@@ -200,34 +202,34 @@ static void fill(const struct bb_room *room, const struct plan_task *t, struct b
 			band->light = bb_plan_strip(p->wall[i].display, &t->chain, &p->timing, band->top, band->bottom);
 			plan_window(band, p->wall[i].display, &t->chain, &p->timing, p->limit_percent);
 		}
-	plan_cameras(room, p);
 	plan_drift(p);
+	return plan_cameras(room, p, err);
 }
 
 enum bb_status bb_plan_room(const struct bb_room *room, double limit_percent, struct bb_plan *out, struct bb_error *err)
 {
 	struct plan_task task;
-	const enum bb_status status = prepare(room, limit_percent, &task, out, err);
+	enum bb_status status = prepare(room, limit_percent, &task, out, err);
 
 	if (status)
 		return status;
 	out->possible = plan_solve(&task, &out->timing);
-	fill(room, &task, out);
+	status = fill(room, &task, out, err);
 	if (!out->possible)
 		out->stops = plan_needs(&task, out->need);
-	return BB_OK;
+	return status;
 }
 
 enum bb_status bb_plan_judge(const struct bb_room *room, double limit_percent, const struct bb_plan_timing *timing,
                              struct bb_plan *out, struct bb_error *err)
 {
 	struct plan_task task;
-	const enum bb_status status = prepare(room, limit_percent, &task, out, err);
+	enum bb_status status = prepare(room, limit_percent, &task, out, err);
 
 	if (status)
 		return status;
 	out->timing = *timing;
-	fill(room, &task, out);
+	status = fill(room, &task, out, err);
 	out->possible = out->worst.crosstalk_percent <= limit_percent;
-	return BB_OK;
+	return status;
 }
