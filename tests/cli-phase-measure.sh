@@ -36,6 +36,8 @@ for room in cabin cabin120; do
 	check "measure $room: as planned" close_to_plan "$work/$room.csv" "$work/$room.yaml"
 done
 check "the same seed gives the same bytes" exits 0 sh -c "'$program' phase sense '$work/cabin120.yaml' --out '$work/again.csv' && cmp '$work/cabin120.csv' '$work/again.csv'"
+check "edges for the plan" exits 0 "$program" phase measure "$work/cabin.csv" --room "$work/cabin.yaml" --edges "$work/edges.csv"
+check "beside the plan" exits 0 "$program" phase "$work/cabin.yaml" --measured "$work/edges.csv" --png "$work/both.png"
 check "a plot" exits 0 "$program" phase measure "$work/cabin120.csv" --png "$work/plot.png"
 "$program" phase sense "$work/cabin120.yaml" --swapped --cycles 9 --out "$work/swapped.csv" >/dev/null
 check "swapped glasses fail" exits 1 "$program" phase measure "$work/swapped.csv"

@@ -15,11 +15,16 @@ static int exit_of(enum bb_verdict v)
 	return v == BB_FAIL ? BB_EXIT_FAILED : v == BB_INCONCLUSIVE ? BB_EXIT_INCONCLUSIVE : BB_EXIT_OK;
 }
 
-static int tell(const struct bb_cli *cli, const struct bb_measure *m)
+static int tell(const struct bb_cli *cli, const struct bb_measure *m, const struct bb_room *room)
 {
-	const char *plot = bb_cli_get(cli, "png", bb_cli_get(cli, "svg", NULL));
+	const char *plot = bb_cli_get(cli, "png", bb_cli_get(cli, "svg", NULL)), *edges = bb_cli_get(cli, "edges", NULL);
 	struct bb_error err = { 0 };
-	const enum bb_status status = plot ? bb_measure_plot(m, plot, &err) : BB_OK;
+	enum bb_status status = plot ? bb_measure_plot(m, plot, &err) : BB_OK;
+
+	if (status == BB_OK && edges && !room)
+		status = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "--edges needs --room: whose edges are they?");
+	if (status == BB_OK && edges)
+		status = bb_measure_edges(m, room, edges, &err);
 
 	if (status != BB_OK)
 		return bb_cli_fail(status, &err);
@@ -49,7 +54,7 @@ static int run_measure(const struct bb_cli *cli)
 	int code;
 	if (status == BB_OK) {
 		bb_measure_judge(m, room, !bb_cli_has(cli, "configured"));
-		code = tell(cli, m);
+		code = tell(cli, m, room);
 		bb_measure_free(m);
 	} else {
 		code = bb_cli_fail(status, &err);
@@ -106,6 +111,7 @@ static const struct bb_cli_option measure_options[] = {
 	{ "fps", "N", "pictures a second, over what recording.txt says" },
 	{ "svg", "FILE", "draw the signals with the edges found" },
 	{ "png", "FILE", "the same as a picture of pixels" },
+	{ "edges", "FILE", "the edges found, for phase ROOM --measured" },
 	{ "json", NULL, "everything measured as JSON" },
 	{ NULL, NULL, NULL },
 };

@@ -39,6 +39,9 @@ void bb_measure_free(struct bb_measure *m);
 void bb_measure_judge(struct bb_measure *m, const struct bb_room *room, bool planned);
 void bb_measure_print(const struct bb_measure *m, FILE *out);
 struct json_t *bb_measure_json(const struct bb_measure *m);
+/* The edges found, as `phase ROOM --measured` reads them. */
+BB_MUST_CHECK enum bb_status bb_measure_edges(const struct bb_measure *m, const struct bb_room *room, const char *file,
+                                              struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_measure_plot(const struct bb_measure *m, const char *file, struct bb_error *err);
 
 #endif

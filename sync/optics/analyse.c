@@ -136,7 +136,7 @@ static void close_cycle(struct bb_analyser *a, struct part *p, double at_s)
 {
 	double phase = atan2(p->im, p->re);
 
-	if (p->trend.n)
+	if (p->trend.n > 0)
 		phase = p->last_phase + remainder(phase - p->last_phase, turn);
 	p->last_phase = phase;
 	p->amplitude += hypot(p->re, p->im) / a->nominal_ns;

@@ -143,7 +143,7 @@ static void conclude_band(const struct bb_analyser *a, const struct bb_optics *o
 		const struct bb_estimate leak = sum_of(mean_of(a, through, white_for[!eye]), -1, black);
 		b->crosstalk[eye] = ratio(leak, signal, 100);
 		b->light[eye] = ratio(signal, open, 100);
-		b->white[eye] = pulse_of(a, bare, white_for[eye]);
+		b->white[eye] = pulse_of(a, bare, (int)white_for[eye]);
 		b->phase_ns[eye] = unknown;
 		if (b->white[eye].found && o->has_lens[eye]) {
 			b->phase_ns[eye] = sum_of(b->white[eye].rise_ns, -1, o->lens[eye].rise_ns);

@@ -247,7 +247,7 @@ static size_t until(const struct bins *b, size_t from, double level, bool above)
 
 static bool guess(const struct bins *b, double cycle, double *v)
 {
-	double low = INFINITY, high = -INFINITY, smooth[WIDE];
+	double low = (double)INFINITY, high = -(double)INFINITY, smooth[WIDE];
 	struct bins s = { .n = b->n };
 
 	if (b->n < 8 || b->n > WIDE)
@@ -329,7 +329,7 @@ struct bb_pulse bb_pulse_fit(const struct bb_pulse_task *t)
 {
 	static const double factor[] = { 1, 0.1, 5 };
 	struct bins b;
-	double first[N], best_v[N], best = INFINITY;
+	double first[N], best_v[N], best = (double)INFINITY;
 
 	if (t->n_bins > BB_ARRAY_LEN(b.y))
 		return (struct bb_pulse){ .found = false };
