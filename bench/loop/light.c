@@ -344,15 +344,17 @@ static double sum_at(const struct wall *w, int e, int64_t at_ns)
 }
 
 /* A running shutter's light is that of its last whole cycle: any other stretch would hold one eye more than the other.
- * False: there has been none yet. */
+ * False: there has been none yet, or it goes on by its own clock, and nothing has changed. */
 static bool stretch_of(const struct bb_light *l, const struct wall *w, int64_t now_ns, int64_t *from_ns, int64_t *to_ns)
 {
 	const int64_t period_ns = l->c.room->has_chain ? bb_rate_period_ns(l->c.room->chain.rate) : 0;
 	const bool cycles = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < 2 * period_ns;
 
+	const bool coasts = w->gated && l->glasses.runs && (double)(now_ns - l->edge_ns[0]) < l->c.room->chain.coast_s * 1e9;
+
 	*from_ns = cycles ? l->edge_ns[2] : l->from_ns;
 	*to_ns = cycles ? l->edge_ns[0] : now_ns;
-	return *from_ns > 0;
+	return *from_ns > 0 && (cycles || !coasts);
 }
 
 static void set_gate(struct bb_light *l, int stage, double left, double right, int64_t at_ns)
@@ -376,8 +378,10 @@ void bb_light_edge(struct bb_light *l, const struct bb_shutter_edge *e)
 	const double either = e->eye == BB_EYE_NONE ? 0.5 : 0; /* one of them, who knows which */
 	set_gate(l, stage, e->eye == BB_EYE_LEFT ? 1 : either, e->eye == BB_EYE_RIGHT ? 1 : either, e->at_ns);
 	if (stage < 0) {
-		l->edge_ns[2] = g->runs ? l->edge_ns[1] : 0;
-		l->edge_ns[1] = g->runs ? l->edge_ns[0] : 0;
+		const bool fresh = !g->runs || (l->c.room->chain.coast_s > 0 &&
+		                                e->at_ns - l->edge_ns[0] > 2 * bb_rate_period_ns(l->c.room->chain.rate));
+		l->edge_ns[2] = fresh ? 0 : l->edge_ns[1];
+		l->edge_ns[1] = fresh ? 0 : l->edge_ns[0];
 		l->edge_ns[0] = e->at_ns;
 	}
 	g->heard_ns = e->at_ns;

@@ -193,6 +193,7 @@ static void take_slots(struct bb_frame_loop *l)
 		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->eyes.slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->eyes.parity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 	}
 }
 

@@ -84,7 +84,7 @@ struct bb_eyes { /* eyes.c */
 	bool gone;                        /* the chain does not answer */
 	struct bb_timer watch;            /* for an edge that does not come */
 	uint32_t swapped;                 /* by stage: its wall gets the other eye's pictures */
-	size_t slot;
+	size_t slot, parity_slot;
 };
 
 struct bb_node_machine { /* one node of the room */
