@@ -6,7 +6,7 @@
 
 #define GOOD_EDGES 8
 #define GOOD_PART 0.02                /* of a period, from one edge to the next */
-#define OFF_PART 0.15                 /* of a period, from its place: beyond, an eye's share of the light moves visibly */
+#define OFF_PART 0.08                 /* of a period, from its place: beyond, an eye's share of the light moves visibly */
 #define TRY_NS INT64_C(300000000)     /* for so long at most it is listened to */
 #define PROVEN_NS (10 * BB_NS_PER_S)  /* after so long tries start afresh */
 #define DOUBLINGS 4
@@ -44,13 +44,23 @@ static const struct bb_phase_stage *stage_at(const struct bb_phase *p, size_t ro
 
 /* ---- edges ---- */
 
+/* All that went wrong with a row, ever, by weight. */
+static uint64_t wrongs(const struct bb_sync_guard *g, const struct bb_phase *p, size_t row)
+{
+	const struct bb_phase_stage *s = stage_at(p, row);
+
+	return s->missed + 2 * s->doubled + 2 * g->slips[row] + (row == BB_STAGES_MAX ? g->offs : 0);
+}
+
 /* The same eye twice: it has seen for two periods, and the other one for none. */
-static void note_slip(struct bb_sync_guard *g, const struct bb_shutter_edge *e)
+static void note_slip(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e)
 {
 	struct bb_shutter_edge *last = &g->last[row_of(e->stage)];
 	const bool odd = (e->seq - last->seq) % 2;
 
-	if (last->eye && e->eye && last->at_ns > g->runs_ns && odd == (last->eye == e->eye))
+	if (last->at_ns <= g->runs_ns)
+		g->disturbed[row_of(e->stage)] = wrongs(g, p, row_of(e->stage)); /* numbers that went by while it stood still */
+	else if (last->eye && e->eye && odd == (last->eye == e->eye))
 		g->slips[row_of(e->stage)]++;
 	*last = *e;
 }
@@ -84,7 +94,7 @@ void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const stru
 		return;
 	bb_lc_edge(&g->lc[row_of(e->stage)], (enum bb_eye)e->eye, e->at_ns);
 	if (stage_at(p, row_of(e->stage))->at_ns == e->at_ns)
-		note_slip(g, e);
+		note_slip(g, p, e);
 	if (e->stage != BB_STAGE_EMITTER || p->emitter.at_ns != e->at_ns)
 		return; /* one that was not accepted counts as a disturbance, and as nothing else */
 	if (g->n) {
@@ -176,8 +186,7 @@ static unsigned news(struct bb_sync_guard *g, const struct bb_phase *p)
 
 	for (size_t i = 0; i <= g->c.n_stages; i++) {
 		const size_t row = i == g->c.n_stages ? BB_STAGES_MAX : i;
-		const uint64_t n = stage_at(p, row)->missed + 2 * stage_at(p, row)->doubled + 2 * g->slips[row] +
-		                   (row == BB_STAGES_MAX ? g->offs : 0);
+		const uint64_t n = wrongs(g, p, row);
 		most = n - g->disturbed[row] > most ? n - g->disturbed[row] : most;
 		g->disturbed[row] = n;
 	}
@@ -214,9 +223,7 @@ static bool alert(const struct bb_sync_guard *g, int64_t now_ns)
 
 int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
 {
-	if (g->runs_ns == BB_NEVER)
-		return BB_NEVER;
-	if (alert(g, now_ns))
+	if (g->runs_ns == BB_NEVER || alert(g, now_ns))
 		return now_ns + p->nominal_ns / 2;
 	int64_t least_ns = heard_ns(g, &p->emitter);
 	for (size_t i = 0; i < g->c.n_stages; i++)

@@ -5,7 +5,7 @@
  *
  *   silence   (row G1) 1.5 periods without an edge of some stage: HOLDOVER for as long as the phase is known to a tenth of
  *             a period and the chain goes on by itself, then open
- *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed edge, or one of the glasses 15 %
+ *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed edge, or one of the glasses 8 %
  *             of a period off; 2: a doubled edge, one for the same eye again, a silence
  *   rate      (row G7) half a period off over up to 32 edges: open
  *   gone      the chain does not answer: open
@@ -75,7 +75,7 @@ void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const stru
 /* Once a frame. gone: the chain does not answer; runs: the shutters have been told to. */
 enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, int64_t now_ns);
 /* When it wants its next step: when the next edge of some stage will be missing; while it tries, or was disturbed a moment
- * ago, half a period from now. BB_NEVER: not before the shutters run. */
+ * ago, half a period from now. Of shutters that run. */
 int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);
 /* Row G6: three of its last eight edges were away from their places. */
 bool bb_guard_jittery(const struct bb_sync_guard *g);

@@ -238,8 +238,8 @@ static void g5_g6_drift_and_jitter(void **state)
 		assert_int_equal(s.opened, 0);
 		fault_row("G5", sign < 0 ? "room: sync at -100 ppm" : "room: sync at +100 ppm", "(none)", 0, 2 * BB_NS_PER_S, 0);
 	}
-	TELL(&s, &plain, "at 2s shutter/chain jitter_burst us=300 for 1s");
-	row("G6", "room: jitter 300 us rms for 1 s", &s, "JITTER", 10 * PERIOD, 1000 * MS, 1500 * MS);
+	TELL(&s, &plain, "at 2s shutter/chain jitter_burst us=200 for 1s");
+	row("G6", "room: jitter 200 us rms for 1 s", &s, "JITTER", 10 * PERIOD, 1000 * MS, 1500 * MS);
 	assert_int_equal(s.opened, 0);
 	TELL(&s, &plain, "at 2s shutter/chain jitter_burst us=960 for 1s"); /* 20 % of a period: an eye's light would flicker */
 	row("G6", "room: jitter 960 us rms for 1 s", &s, "SYNC_FLAPS", 30 * PERIOD, 1000 * MS, 3000 * MS);

@@ -350,7 +350,7 @@ static bool stretch_of(const struct bb_light *l, const struct wall *w, int64_t n
 	const int64_t period_ns = l->c.room->has_chain ? bb_rate_period_ns(l->c.room->chain.rate) : 0;
 	const bool cycles = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < 2 * period_ns;
 
-	const bool coasts = w->gated && l->glasses.runs && (double)(now_ns - l->edge_ns[0]) < l->c.room->chain.coast_s * 1e9;
+	const bool coasts = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < l->c.coast_ns;
 
 	*from_ns = cycles ? l->edge_ns[2] : l->from_ns;
 	*to_ns = cycles ? l->edge_ns[0] : now_ns;
@@ -378,7 +378,7 @@ void bb_light_edge(struct bb_light *l, const struct bb_shutter_edge *e)
 	const double either = e->eye == BB_EYE_NONE ? 0.5 : 0; /* one of them, who knows which */
 	set_gate(l, stage, e->eye == BB_EYE_LEFT ? 1 : either, e->eye == BB_EYE_RIGHT ? 1 : either, e->at_ns);
 	if (stage < 0) {
-		const bool fresh = !g->runs || (l->c.room->chain.coast_s > 0 &&
+		const bool fresh = !g->runs || (l->c.coast_ns > 0 &&
 		                                e->at_ns - l->edge_ns[0] > 2 * bb_rate_period_ns(l->c.room->chain.rate));
 		l->edge_ns[2] = fresh ? 0 : l->edge_ns[1];
 		l->edge_ns[1] = fresh ? 0 : l->edge_ns[0];
@@ -399,7 +399,7 @@ void bb_light_open(struct bb_light *l, int64_t at_ns)
 /* A stage that is silent has opened by itself meanwhile, or goes on by its own clock. */
 static void watch_silence(struct bb_light *l, int64_t now_ns)
 {
-	const int64_t coast_ns = (int64_t)(l->c.room->chain.coast_s * 1e9), period_ns = bb_rate_period_ns(l->c.room->chain.rate);
+	const int64_t coast_ns = l->c.coast_ns, period_ns = bb_rate_period_ns(l->c.room->chain.rate);
 
 	for (int i = -1; i < l->c.room->chain.n_stages; i++) {
 		struct gate *g = i < 0 ? &l->glasses : &l->stage[i];

@@ -19,6 +19,7 @@ struct bb_light_config {
 	const struct bb_scene *scene;
 	const struct bb_transfer *transfer; /* NULL: no volume */
 	struct bb_vec3 viewer;
+	int64_t coast_ns;                   /* of the chain: hal/shutter.h */
 	bool drawn;                         /* every frame is: bb_light_pixels comes for each picture */
 };
 
