@@ -86,6 +86,18 @@ static void tell_open(struct bb_frame_loop *l, int64_t now_ns)
 	bb_watch_bad(l->watch, l->eyes.slot, now_ns, BB_HEALTH_LOST, "%s: %sshutters open, both eyes see one view", word, why);
 }
 
+/* The rhythm was there a step ago and is not now. */
+static void note_loss(struct bb_frame_loop *l, enum bb_guard_state was, int64_t now_ns)
+{
+	const enum bb_guard_state is = l->eyes.guard.state;
+	struct bb_black_trigger t = { .kind = BB_BLACK_LOCK, .at_ns = now_ns, .frame = l->n_frames, .node = BB_NOBODY };
+
+	if (was == is || is == BB_GUARD_GOOD || is == BB_GUARD_TRY || was == BB_GUARD_TRY)
+		return;
+	snprintf(t.culprit, sizeof(t.culprit), "shutter/%s", l->room->chain.id);
+	bb_blackbox_trigger(l->blackbox, &t);
+}
+
 /* One word a state; the first of an incident stays, a worse one takes its place. */
 static void tell(struct bb_frame_loop *l, int64_t now_ns)
 {
@@ -177,6 +189,7 @@ static void pass_on_light(struct bb_frame_loop *l, int64_t now_ns)
 static void show(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_eyes *y = &l->eyes;
+	const enum bb_guard_state was = y->guard.state;
 	const enum bb_show want = bb_guard_step(&y->guard, &l->phase, y->gone, y->running, now_ns);
 
 	const bool was_open = y->out.open;
@@ -185,6 +198,7 @@ static void show(struct bb_frame_loop *l, int64_t now_ns)
 		note_output(l, now_ns);
 	drive(l, now_ns);
 	tell(l, now_ns);
+	note_loss(l, was, now_ns);
 }
 
 /* Between frames: an edge that does not come is seen 1.5 periods after the last one, not a frame later. */

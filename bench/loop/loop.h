@@ -16,6 +16,7 @@
 
 #include "hal/profile.h"
 #include "render/stream/io.h"
+#include "bench/blackbox.h"
 #include "bench/ledger.h"
 #include "bench/loop/light.h"
 #include "bench/pictures.h"
@@ -122,6 +123,7 @@ struct bb_frame_loop {
 	struct bb_ledger *ledger;
 	struct bb_run_result *result;     /* counters, facts, path */
 	struct bb_watch *watch;
+	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_eyes eyes;

@@ -99,7 +99,7 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 	}
 	l->eyes.gone = status < 0;
 	if (l->eyes.gone)
-		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "the chain is gone: %s",
+		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "CHAIN_GONE: the chain does not answer: %s",
 		             bb_status_text(status));
 }
 
