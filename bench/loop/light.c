@@ -8,8 +8,8 @@
 
 #define KNOTS 64
 #define WATCHDOG_NS INT64_C(100000000) /* a stage that hears nothing opens by itself (docs/shutter-od.md) */
-#define PATTERN_PX 640                 /* of a wall, when its pattern is drawn to be measured */
-#define PIXEL_STRIDE 3                 /* of a drawn picture every so many pixels of a row and rows are looked at */
+#define PATTERN_PX 1050                 /* of a wall, when its pattern is drawn to be measured */
+#define PIXEL_STRIDE 2                 /* of a drawn picture every so many pixels of a row and rows are looked at */
 #define FORESEE_S 20.0
 #define FORESEE_HZ 60
 
@@ -174,15 +174,15 @@ static enum bb_status measure_scene(struct bb_light *l)
 	for (size_t w = 0; w < l->c.room->n_walls; w++)
 		for (int e = 0; e < 2; e++)
 			fill(&l->wall[w].grid[e], rgb);
-	if (l->c.scene->technique != BB_TECHNIQUE_CALIBRATION)
-		return BB_OK;
+	l->grey = -1;
+	if (l->c.scene->technique != BB_TECHNIQUE_CALIBRATION || (l->c.scene->patch.hz > 0 && !(l->c.scene->patch.size_m > 0)))
+		return BB_OK; /* the second: nothing of the pattern is seen */
 	for (uint16_t s = 0; s < l->c.room->n_screens && status == BB_OK; s++)
 		status = measure_pattern(l, s);
 	for (size_t w = 0; w < l->c.room->n_walls; w++) {
 		take_pixels(&l->wall[w]);
 		memcpy(l->wall[w].under, l->wall[w].grid, sizeof(l->wall[w].under));
 	}
-	l->grey = -1;
 	return status;
 }
 
@@ -460,6 +460,11 @@ void bb_light_frame(struct bb_light *l, int64_t now_ns, double fade)
 const struct bb_flash_meter *bb_light_meter(const struct bb_light *l)
 {
 	return l->meter;
+}
+
+const struct bb_flash_grid *bb_light_grid(const struct bb_light *l, unsigned wall, unsigned eye)
+{
+	return &l->wall[wall].grid[eye];
 }
 
 double bb_light_seen(const struct bb_light *l, unsigned wall, unsigned eye)
