@@ -197,6 +197,10 @@ bench-plan:
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
 
+# Ten thousand campaigns of random faults, and no flashes (some ten minutes).
+soak: $B/tests/test_campaigns
+	$< 10000
+
 # The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --only sparse"
 bench-cast: $B/tests/bench/cast
 	@$< $(ARGS)
@@ -249,6 +253,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast fuzz fuzz-build fuzz-programs install uninstall format clean help bench-barrier bench-posix bench-plan
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan soak fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

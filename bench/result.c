@@ -160,5 +160,10 @@ void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colo
 		bb_text_clean(text, sizeof(text), r->faults[i].text);
 		fprintf(f, "%s  planted: %s\n", i ? "" : "\n", text);
 	}
+	for (size_t i = 0; i < r->n_black; i++) {
+		char cause[240];
+		bb_text_clean(cause, sizeof(cause), r->black[i].n_causes ? r->black[i].cause[0].text : "nobody was seen to be unwell");
+		fprintf(f, "%s  black box: %s: %s\n", i ? "" : "\n", r->black[i].what, cause);
+	}
 	fprintf(f, "\n%s%s%s\n", tint(r->verdict, colour), summary, colour ? "\033[0m" : "");
 }

@@ -112,6 +112,21 @@ struct bb_stream_result {          /* n_nodes 0: there is no volume */
 	struct bb_stream_node *nodes; /* by room node */
 };
 
+#define BB_BLACK_MOST 4
+#define BB_BLACK_CAUSES 5
+
+struct bb_black_cause {
+	double score;
+	char culprit[64], text[240];
+};
+
+struct bb_black_result { /* a moment at which something went wrong, and why: bench/blackbox.h */
+	char what[120];
+	int64_t at_ns;             /* scene time */
+	size_t n_causes;           /* most likely first */
+	struct bb_black_cause cause[BB_BLACK_CAUSES];
+};
+
 struct bb_counter {
 	char name[48];             /* "bytes_streamed", "bricks_loaded" ... deterministic on the virtual clock */
 	uint64_t value;
@@ -154,6 +169,8 @@ struct bb_run_result {
 	struct bb_incident *incidents;
 	size_t n_faults;
 	struct bb_fault_result *faults;
+	size_t n_black;
+	struct bb_black_result black[BB_BLACK_MOST];
 	size_t n_pictures;
 	struct bb_picture_result *pictures;
 	size_t n_counters;

@@ -46,6 +46,7 @@ struct work { /* everything between the files and the result */
 	struct bb_rig rig;
 	struct bb_watch *watch;
 	struct bb_facility *facility;
+	struct bb_blackbox *blackbox;
 	struct bb_renderer *renderer;
 	struct bb_pictures *pictures;
 	struct bb_frame_loop loop;
@@ -57,6 +58,7 @@ static void hash_events(void *ctx, const struct bb_event *events, size_t n)
 	struct work *w = ctx;
 
 	bb_hash_update(&w->hash, events, n * sizeof(*events));
+	bb_blackbox_events(w->blackbox, events, n);
 	if (w->o->events)
 		w->o->events(w->o->events_ctx, events, n);
 }
@@ -194,6 +196,8 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 			return status;
 	}
 	bb_eventlog_init(&w->events, hash_events, w);
+	if (bb_blackbox_create(&w->events, &w->blackbox) != BB_OK)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the black box");
 	if (any_sim(room))
 		status = sim_world_create(room, w->head, w->wand, w->clk, &w->events, w->o->seed, &w->world);
 	if (status != BB_OK)
@@ -261,7 +265,7 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 
 	*l = (struct bb_frame_loop){ .options = w->o, .room = w->run->room, .scene = scene, .clk = w->clk, .events = &w->events,
 		               .rig = &w->rig, .world = w->world, .ledger = w->run->result->ledger,
-		               .result = w->run->result, .watch = w->watch, .pictures = w->pictures,
+		               .result = w->run->result, .watch = w->watch, .blackbox = w->blackbox, .pictures = w->pictures,
 		               .renderer = w->renderer, .bricks = w->bricks,
 		               .transfer = w->bricks ? &w->transfer : NULL, .draw_everything = w->o->posix_clock,
 		               .start = { w->run->room->neutral, BB_QUAT_IDENTITY },
@@ -313,6 +317,7 @@ static void release(struct work *w)
 		bb_rig_close(&w->rig);
 	bb_nodes_close(w->nodes);
 	bb_watch_destroy(w->watch);
+	bb_blackbox_destroy(w->blackbox);
 	sim_world_destroy(w->world);
 	bb_clock_destroy(w->clk);
 	bb_stream_destroy(w->full);
@@ -352,6 +357,7 @@ static void gather(struct work *w)
 	bb_eventlog_flush(&w->events);
 	bb_hash_final_hex(&w->hash, w->run->result->event_log_sha256);
 	bb_outcome_gather(&s, w->run->result);
+	bb_blackbox_rank(w->blackbox, w->run->result);
 }
 
 enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, struct bb_error *err)
@@ -391,6 +397,8 @@ enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, 
 		out->result->wall_time_s = (double)(bb_clock_stopwatch_ns() - started_ns) * 1e-9;
 		tell(w, "writing the report");
 		status = bb_outcome_write(out->result, options->out_dir, err);
+		if (status == BB_OK)
+			status = bb_blackbox_write(w->blackbox, out->result, options->out_dir, err);
 	}
 	release(w);
 	free(w);

@@ -6,7 +6,7 @@
 
 #define GOOD_EDGES 8
 #define GOOD_PART 0.02                /* of a period, from one edge to the next */
-#define OFF_PART 0.15                 /* of a period, from its place: beyond, an eye's share of the light moves visibly */
+#define OFF_PART 0.08                 /* of a period, from its place: beyond, an eye's share of the light moves visibly */
 #define TRY_NS INT64_C(300000000)     /* for so long at most it is listened to */
 #define PROVEN_NS (10 * BB_NS_PER_S)  /* after so long tries start afresh */
 #define DOUBLINGS 4
@@ -44,13 +44,23 @@ static const struct bb_phase_stage *stage_at(const struct bb_phase *p, size_t ro
 
 /* ---- edges ---- */
 
+/* All that went wrong with a row, ever, by weight. */
+static uint64_t wrongs(const struct bb_sync_guard *g, const struct bb_phase *p, size_t row)
+{
+	const struct bb_phase_stage *s = stage_at(p, row);
+
+	return s->missed + 2 * s->doubled + 2 * g->slips[row] + (row == BB_STAGES_MAX ? g->offs : 0);
+}
+
 /* The same eye twice: it has seen for two periods, and the other one for none. */
-static void note_slip(struct bb_sync_guard *g, const struct bb_shutter_edge *e)
+static void note_slip(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e)
 {
 	struct bb_shutter_edge *last = &g->last[row_of(e->stage)];
 	const bool odd = (e->seq - last->seq) % 2;
 
-	if (last->eye && e->eye && last->at_ns > g->runs_ns && odd == (last->eye == e->eye))
+	if (last->at_ns <= g->runs_ns)
+		g->disturbed[row_of(e->stage)] = wrongs(g, p, row_of(e->stage)); /* numbers that went by while it stood still */
+	else if (last->eye && e->eye && odd == (last->eye == e->eye))
 		g->slips[row_of(e->stage)]++;
 	*last = *e;
 }
@@ -61,7 +71,7 @@ static void note_off(struct bb_sync_guard *g, double off_ns, double most_ns)
 	const bool again = g->off_ns * off_ns > 0 && fabs(g->off_ns) > most_ns / 2;
 
 	if (fabs(off_ns) > most_ns && !again)
-		g->slips[BB_STAGES_MAX]++;
+		g->offs++;
 	g->off_ns = off_ns;
 }
 
@@ -84,7 +94,7 @@ void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const stru
 		return;
 	bb_lc_edge(&g->lc[row_of(e->stage)], (enum bb_eye)e->eye, e->at_ns);
 	if (stage_at(p, row_of(e->stage))->at_ns == e->at_ns)
-		note_slip(g, e);
+		note_slip(g, p, e);
 	if (e->stage != BB_STAGE_EMITTER || p->emitter.at_ns != e->at_ns)
 		return; /* one that was not accepted counts as a disturbance, and as nothing else */
 	if (g->n) {
@@ -92,10 +102,16 @@ void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const stru
 		const double steps = (double)(int32_t)(e->seq - g->ring[last].seq);
 		const double off = (double)(e->at_ns - g->ring[last].at_ns) - steps * (double)p->nominal_ns;
 		note_off(g, off_place_ns(g, p, e), OFF_PART * (double)p->nominal_ns);
+		g->jittery = (uint8_t)(g->jittery << 1 | (fabs(g->off_ns) > GOOD_PART * (double)p->nominal_ns));
 		g->good = steps < 2 && fabs(off) < GOOD_PART * (double)p->nominal_ns ? g->good + 1 : 0;
 	}
 	g->ring[g->n % BB_GUARD_RING].seq = e->seq;
 	g->ring[g->n++ % BB_GUARD_RING].at_ns = e->at_ns;
+}
+
+bool bb_guard_jittery(const struct bb_sync_guard *g)
+{
+	return __builtin_popcount(g->jittery) >= 3;
 }
 
 static bool rate_changed(const struct bb_sync_guard *g, const struct bb_phase *p)
@@ -114,15 +130,6 @@ static bool rate_changed(const struct bb_sync_guard *g, const struct bb_phase *p
 static int64_t heard_ns(const struct bb_sync_guard *g, const struct bb_phase_stage *s)
 {
 	return s->n && s->at_ns > g->runs_ns ? s->at_ns : g->runs_ns;
-}
-
-int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p)
-{
-	int64_t least_ns = heard_ns(g, &p->emitter);
-
-	for (size_t i = 0; i < g->c.n_stages && g->runs_ns != BB_NEVER; i++)
-		least_ns = heard_ns(g, &p->stage[i]) < least_ns ? heard_ns(g, &p->stage[i]) : least_ns;
-	return g->runs_ns == BB_NEVER ? BB_NEVER : least_ns + p->nominal_ns * 3 / 2 + 1;
 }
 
 /* Is some stage silent for 1.5 periods? Who: the glasses, if they are, for then the line is; else who is for longest. */
@@ -179,7 +186,7 @@ static unsigned news(struct bb_sync_guard *g, const struct bb_phase *p)
 
 	for (size_t i = 0; i <= g->c.n_stages; i++) {
 		const size_t row = i == g->c.n_stages ? BB_STAGES_MAX : i;
-		const uint64_t n = stage_at(p, row)->missed + 2 * stage_at(p, row)->doubled + g->slips[row];
+		const uint64_t n = wrongs(g, p, row);
 		most = n - g->disturbed[row] > most ? n - g->disturbed[row] : most;
 		g->disturbed[row] = n;
 	}
@@ -201,6 +208,27 @@ static bool note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p,
 	if ((n || is_silent) && p->emitter.n && p->emitter.eye == BB_EYE_NONE)
 		g->parity_lost = true;
 	return n > 0;
+}
+
+/* Light has moved a moment ago, and may not much more. */
+static bool alert(const struct bb_sync_guard *g, int64_t now_ns)
+{
+	if (g->state == BB_GUARD_TRY)
+		return true;
+	for (unsigned i = 0; i < g->n_events; i++)
+		if ((double)(now_ns - g->event[i].at_ns) < g->c.safety.transition_gap_s * 1e9)
+			return true;
+	return false;
+}
+
+int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
+{
+	if (g->runs_ns == BB_NEVER || alert(g, now_ns))
+		return now_ns + p->nominal_ns / 2;
+	int64_t least_ns = heard_ns(g, &p->emitter);
+	for (size_t i = 0; i < g->c.n_stages; i++)
+		least_ns = heard_ns(g, &p->stage[i]) < least_ns ? heard_ns(g, &p->stage[i]) : least_ns;
+	return least_ns + p->nominal_ns * 3 / 2 + 1;
 }
 
 /* ---- states ---- */
@@ -232,14 +260,19 @@ static void open_up(struct bb_sync_guard *g, enum bb_guard_cause cause, int64_t 
 	enter(g, BB_GUARD_OPEN, now_ns);
 }
 
+static void rest_cells(struct bb_sync_guard *g)
+{
+	for (size_t i = 0; i < BB_ARRAY_LEN(g->lc); i++)
+		bb_lc_init(&g->lc[i]);
+}
+
 static void start_running(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
 {
 	g->runs_ns = now_ns;
-	g->n = g->good = 0;
+	g->n = g->good = g->jittery = 0;
 	g->counted = false;
 	(void)news(g, p); /* numbers that went by while they were open are no disturbance */
-	for (size_t i = 0; i < BB_ARRAY_LEN(g->lc); i++)
-		bb_lc_init(&g->lc[i]);
+	rest_cells(g);
 	if (g->state == BB_GUARD_TRY)
 		disturb(g, FLAPS - 1, now_ns); /* trying was seen as well: it must be the last for a while */
 }
@@ -264,7 +297,7 @@ static enum bb_guard_cause trouble(const struct bb_sync_guard *g, const struct b
 		return BB_GUARD_FLAPS;
 	if (is_silent && now_ns - g->heard_ns > bb_guard_holdover_ns(g, p))
 		return BB_GUARD_SILENT;
-	if (!(is_silent && g->c.coast_ns) && biased(g, now_ns))
+	if (biased(g, now_ns))
 		return BB_GUARD_DRIVE;
 	return BB_GUARD_NONE;
 }
@@ -301,6 +334,8 @@ enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bo
 	else if (g->runs_ns == BB_NEVER)
 		start_running(g, p, now_ns);
 	const bool is_silent = runs && silent(g, p, now_ns);
+	if (is_silent && g->c.coast_ns) /* driven by their own clocks, which are trusted for so long */
+		rest_cells(g);
 	const bool disturbed = runs && note_disturbances(g, p, is_silent, now_ns);
 
 	if (g->state == BB_GUARD_OPEN) {

@@ -5,8 +5,8 @@
  *
  *   silence   (row G1) 1.5 periods without an edge of some stage: HOLDOVER for as long as the phase is known to a tenth of
  *             a period and the chain goes on by itself, then open
- *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed or same-eye edge, or one of the
- *             glasses a tenth of a period off; 2: a doubled edge, a silence
+ *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed edge, or one of the glasses 8 %
+ *             of a period off; 2: a doubled edge, one for the same eye again, a silence
  *   rate      (row G7) half a period off over up to 32 edges: open
  *   gone      the chain does not answer: open
  *   drive     a cell keeps a bias (hal/lc_guard.h): open
@@ -57,9 +57,11 @@ struct bb_sync_guard {
 	unsigned n;                  /* of the ring: the emitter's edges since the shutters run */
 	struct { uint32_t seq; int64_t at_ns; } ring[BB_GUARD_RING];
 	struct bb_lc_guard lc[BB_STAGES_MAX + 1]; /* the emitter's is last */
-	uint64_t slips[BB_STAGES_MAX + 1];        /* edges whose eye is not the other one's; the emitter's: that are off */
+	uint64_t slips[BB_STAGES_MAX + 1];        /* edges whose eye is not the other one's, */
+	uint64_t offs;                            /* and of the emitter's those that are off */
 	struct bb_shutter_edge last[BB_STAGES_MAX + 1];
-	double off_ns;                            /* of the emitter's last edge from its place after the one before */
+	double off_ns;                            /* of the emitter's last edge from where the ones before put it */
+	uint8_t jittery;                          /* bit i: the emitter's last edge but i was 2 % of a period off */
 	uint64_t disturbed[BB_STAGES_MAX + 1];    /* missed, doubled and slipped edges that are accounted for */
 	struct { int64_t at_ns; unsigned weight; } event[BB_GUARD_EVENTS];
 	unsigned n_events;
@@ -72,8 +74,11 @@ void bb_guard_init(struct bb_sync_guard *g, const struct bb_guard_config *c, int
 void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e);
 /* Once a frame. gone: the chain does not answer; runs: the shutters have been told to. */
 enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, int64_t now_ns);
-/* When the next edge of some stage will be missing, if none comes until then. */
-int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p);
+/* When it wants its next step: when the next edge of some stage will be missing; while it tries, or was disturbed a moment
+ * ago, half a period from now. Of shutters that run. */
+int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);
+/* Row G6: three of its last eight edges were away from their places. */
+bool bb_guard_jittery(const struct bb_sync_guard *g);
 /* How long a silence that began with the last edge may be coasted over. */
 int64_t bb_guard_holdover_ns(const struct bb_sync_guard *g, const struct bb_phase *p);
 

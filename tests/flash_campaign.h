@@ -210,7 +210,7 @@ static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault 
 	for (int w = 0; w <= WALLS; w++)
 		oracle->gate[w][0] = oracle->gate[w][1] = 1;
 	for (int w = 0; w < WALLS; w++)
-		oracle->low[w][0] = oracle->low[w][1] = oracle->high[w][0] = oracle->high[w][1] = oracle->external ? 0.25 : 0.5;
+		oracle->low[w][0] = oracle->low[w][1] = oracle->high[w][0] = oracle->high[w][1] = 1; /* a room begins open */
 	o.scene_path = scene;
 	o.seed = seed;
 	o.duration_s = duration_s;

@@ -86,6 +86,18 @@ static void tell_open(struct bb_frame_loop *l, int64_t now_ns)
 	bb_watch_bad(l->watch, l->eyes.slot, now_ns, BB_HEALTH_LOST, "%s: %sshutters open, both eyes see one view", word, why);
 }
 
+/* The rhythm was there a step ago and is not now. */
+static void note_loss(struct bb_frame_loop *l, enum bb_guard_state was, int64_t now_ns)
+{
+	const enum bb_guard_state is = l->eyes.guard.state;
+	struct bb_black_trigger t = { .kind = BB_BLACK_LOCK, .at_ns = now_ns, .frame = l->n_frames, .node = BB_NOBODY };
+
+	if (was == is || is == BB_GUARD_GOOD || is == BB_GUARD_TRY || was == BB_GUARD_TRY)
+		return;
+	snprintf(t.culprit, sizeof(t.culprit), "shutter/%s", l->room->chain.id);
+	bb_blackbox_trigger(l->blackbox, &t);
+}
+
 /* One word a state; the first of an incident stays, a worse one takes its place. */
 static void tell(struct bb_frame_loop *l, int64_t now_ns)
 {
@@ -95,11 +107,13 @@ static void tell(struct bb_frame_loop *l, int64_t now_ns)
 		tell_open(l, now_ns);
 	else if (g->state == BB_GUARD_HOLDOVER)
 		tell_holdover(l, now_ns);
-	else if (g->parity_lost)
-		bb_watch_bad(l->watch, l->eyes.slot, now_ns, BB_HEALTH_DEGRADED,
-		             "EYES_UNKNOWN: the chain tells no eyes and was disturbed: mono until somebody looks");
+	else if (bb_guard_jittery(g))
+		bb_watch_bad(l->watch, l->eyes.slot, now_ns, BB_HEALTH_DEGRADED, "JITTER: the last edge is %+.0f us off", g->off_ns * 1e-3);
 	else
 		bb_watch_good(l->watch, l->eyes.slot, now_ns);
+	if (g->parity_lost)
+		bb_watch_bad(l->watch, l->eyes.parity_slot, now_ns, BB_HEALTH_DEGRADED,
+		             "EYES_UNKNOWN: the chain tells no eyes and was disturbed: mono until somebody looks");
 }
 
 /* Row G8, tagged: a stage that opens for the other eye than the glasses gets the other eye's pictures from the next frame
@@ -175,6 +189,7 @@ static void pass_on_light(struct bb_frame_loop *l, int64_t now_ns)
 static void show(struct bb_frame_loop *l, int64_t now_ns)
 {
 	struct bb_eyes *y = &l->eyes;
+	const enum bb_guard_state was = y->guard.state;
 	const enum bb_show want = bb_guard_step(&y->guard, &l->phase, y->gone, y->running, now_ns);
 
 	const bool was_open = y->out.open;
@@ -183,6 +198,7 @@ static void show(struct bb_frame_loop *l, int64_t now_ns)
 		note_output(l, now_ns);
 	drive(l, now_ns);
 	tell(l, now_ns);
+	note_loss(l, was, now_ns);
 }
 
 /* Between frames: an edge that does not come is seen 1.5 periods after the last one, not a frame later. */
@@ -194,11 +210,9 @@ int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (!l->eyes.running)
 		return BB_NEVER; /* the next frame that runs arms it again */
 	bb_shutters_feed(l, now_ns);
-	const int64_t due_ns = bb_guard_due_ns(&l->eyes.guard, &l->phase);
-	if (due_ns > now_ns)
-		return due_ns;
 	show(l, now_ns);
-	return BB_NEVER;
+	const int64_t due_ns = bb_guard_due_ns(&l->eyes.guard, &l->phase, now_ns);
+	return l->eyes.running && due_ns > now_ns ? due_ns : BB_NEVER;
 }
 
 void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
@@ -208,7 +222,7 @@ void bb_eyes_step(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	if (l->rig->shutter) {
 		show(l, now_ns);
 		swap_back(l, f);
-		const int64_t due_ns = bb_guard_due_ns(&y->guard, &l->phase);
+		const int64_t due_ns = bb_guard_due_ns(&y->guard, &l->phase, now_ns);
 		if (y->running && due_ns > now_ns && bb_clock_arm(l->clk, &y->watch, due_ns) != BB_OK)
 			bb_clock_stop(l->clk);
 	}

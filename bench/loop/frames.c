@@ -2,6 +2,7 @@
 #include "bench/loop/loop.h"
 
 #include <math.h>
+#include <stdio.h>
 
 struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame)
 {
@@ -56,6 +57,14 @@ static uint16_t node_of(const struct bb_frame_loop *l, uint16_t screen)
 	return l->room->screens[screen].node;
 }
 
+static void note_unseen(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t screen)
+{
+	struct bb_black_trigger t = { .kind = BB_BLACK_UNSEEN, .at_ns = f->release_ns, .frame = f->frame, .node = node_of(l, screen) };
+
+	snprintf(t.culprit, sizeof(t.culprit), "display/%s", l->room->screens[screen].id);
+	bb_blackbox_trigger(l->blackbox, &t);
+}
+
 /* Which screens never showed this frame; a node that missed the barrier has excused its own. Returns the node to blame. */
 static uint16_t blame_missing_flips(struct bb_frame_loop *l, const struct bb_frame *f)
 {
@@ -65,6 +74,8 @@ static uint16_t blame_missing_flips(struct bb_frame_loop *l, const struct bb_fra
 		if (l->flipped[s] >> f->frame % 64 & 1)
 			continue;
 		node = node_of(l, s);
+		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
+			note_unseen(l, f, s);
 		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
 			bb_watch_bad(l->watch, l->display_slot[s], f->release_ns, BB_HEALTH_DEGRADED, "never showed frame %llu",
 			             (unsigned long long)f->frame);

@@ -239,6 +239,26 @@ static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, u
 	}
 }
 
+static void note_late(struct bb_frame_loop *l, const struct bb_frame *f, int64_t now_ns)
+{
+	const unsigned missing = f->missing_nodes ? (unsigned)__builtin_ctzll(f->missing_nodes) : f->last_node;
+	struct bb_black_trigger t = { .kind = BB_BLACK_LATE, .at_ns = now_ns, .frame = f->frame, .node = (uint16_t)missing,
+		                      .missing = f->missing_nodes,
+		                      .all_missing = l->drawing_nodes && f->missing_nodes == l->drawing_nodes };
+
+	if ((!f->late && !f->missing_nodes) || missing >= l->room->n_nodes)
+		return;
+	const struct bb_node_times *n = &f->node[missing];
+	t.unheard = !n->received_ns;
+	if (n->ready_ns) {
+		t.state_ns = n->received_ns - f->tracked_ns;
+		t.load_ns = l->nodes[missing].load_ns;
+		t.select_ns = n->selected_ns - n->received_ns - t.load_ns;
+		t.draw_ns = n->ready_ns - n->selected_ns;
+	}
+	bb_blackbox_trigger(l->blackbox, &t);
+}
+
 /* Who is too slow draws coarser from the next frame on. */
 static void judge_stragglers(struct bb_frame_loop *l, const struct bb_frame *f, uint64_t waited, int64_t now_ns)
 {
@@ -274,6 +294,7 @@ void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, u
 		f->missing_nodes = r->missing;
 		f->late = now_ns > f->start_ns + l->refresh_ns;
 		blame_late_node(l, f, waited, now_ns);
+		note_late(l, f, now_ns);
 	}
 	/* In one process that draws for real, one node's time is all nodes' time. */
 	if (f && (l->processes || !l->draw_everything))

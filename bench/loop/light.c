@@ -8,8 +8,8 @@
 
 #define KNOTS 64
 #define WATCHDOG_NS INT64_C(100000000) /* a stage that hears nothing opens by itself (docs/shutter-od.md) */
-#define PATTERN_PX 640                 /* of a wall, when its pattern is drawn to be measured */
-#define PIXEL_STRIDE 3                 /* of a drawn picture every so many pixels of a row and rows are looked at */
+#define PATTERN_PX 1050                 /* of a wall, when its pattern is drawn to be measured */
+#define PIXEL_STRIDE 2                 /* of a drawn picture every so many pixels of a row and rows are looked at */
 #define FORESEE_S 20.0
 #define FORESEE_HZ 60
 
@@ -174,15 +174,15 @@ static enum bb_status measure_scene(struct bb_light *l)
 	for (size_t w = 0; w < l->c.room->n_walls; w++)
 		for (int e = 0; e < 2; e++)
 			fill(&l->wall[w].grid[e], rgb);
-	if (l->c.scene->technique != BB_TECHNIQUE_CALIBRATION)
-		return BB_OK;
+	l->grey = -1;
+	if (l->c.scene->technique != BB_TECHNIQUE_CALIBRATION || (l->c.scene->patch.hz > 0 && !(l->c.scene->patch.size_m > 0)))
+		return BB_OK; /* the second: nothing of the pattern is seen */
 	for (uint16_t s = 0; s < l->c.room->n_screens && status == BB_OK; s++)
 		status = measure_pattern(l, s);
 	for (size_t w = 0; w < l->c.room->n_walls; w++) {
 		take_pixels(&l->wall[w]);
 		memcpy(l->wall[w].under, l->wall[w].grid, sizeof(l->wall[w].under));
 	}
-	l->grey = -1;
 	return status;
 }
 
@@ -344,15 +344,17 @@ static double sum_at(const struct wall *w, int e, int64_t at_ns)
 }
 
 /* A running shutter's light is that of its last whole cycle: any other stretch would hold one eye more than the other.
- * False: there has been none yet. */
+ * False: there has been none yet, or it goes on by its own clock, and nothing has changed. */
 static bool stretch_of(const struct bb_light *l, const struct wall *w, int64_t now_ns, int64_t *from_ns, int64_t *to_ns)
 {
 	const int64_t period_ns = l->c.room->has_chain ? bb_rate_period_ns(l->c.room->chain.rate) : 0;
 	const bool cycles = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < 2 * period_ns;
 
+	const bool coasts = w->gated && l->glasses.runs && now_ns - l->edge_ns[0] < l->c.coast_ns;
+
 	*from_ns = cycles ? l->edge_ns[2] : l->from_ns;
 	*to_ns = cycles ? l->edge_ns[0] : now_ns;
-	return *from_ns > 0;
+	return *from_ns > 0 && (cycles || !coasts);
 }
 
 static void set_gate(struct bb_light *l, int stage, double left, double right, int64_t at_ns)
@@ -376,8 +378,10 @@ void bb_light_edge(struct bb_light *l, const struct bb_shutter_edge *e)
 	const double either = e->eye == BB_EYE_NONE ? 0.5 : 0; /* one of them, who knows which */
 	set_gate(l, stage, e->eye == BB_EYE_LEFT ? 1 : either, e->eye == BB_EYE_RIGHT ? 1 : either, e->at_ns);
 	if (stage < 0) {
-		l->edge_ns[2] = g->runs ? l->edge_ns[1] : 0;
-		l->edge_ns[1] = g->runs ? l->edge_ns[0] : 0;
+		const bool fresh = !g->runs || (l->c.coast_ns > 0 &&
+		                                e->at_ns - l->edge_ns[0] > 2 * bb_rate_period_ns(l->c.room->chain.rate));
+		l->edge_ns[2] = fresh ? 0 : l->edge_ns[1];
+		l->edge_ns[1] = fresh ? 0 : l->edge_ns[0];
 		l->edge_ns[0] = e->at_ns;
 	}
 	g->heard_ns = e->at_ns;
@@ -395,7 +399,7 @@ void bb_light_open(struct bb_light *l, int64_t at_ns)
 /* A stage that is silent has opened by itself meanwhile, or goes on by its own clock. */
 static void watch_silence(struct bb_light *l, int64_t now_ns)
 {
-	const int64_t coast_ns = (int64_t)(l->c.room->chain.coast_s * 1e9), period_ns = bb_rate_period_ns(l->c.room->chain.rate);
+	const int64_t coast_ns = l->c.coast_ns, period_ns = bb_rate_period_ns(l->c.room->chain.rate);
 
 	for (int i = -1; i < l->c.room->chain.n_stages; i++) {
 		struct gate *g = i < 0 ? &l->glasses : &l->stage[i];
@@ -456,6 +460,11 @@ void bb_light_frame(struct bb_light *l, int64_t now_ns, double fade)
 const struct bb_flash_meter *bb_light_meter(const struct bb_light *l)
 {
 	return l->meter;
+}
+
+const struct bb_flash_grid *bb_light_grid(const struct bb_light *l, unsigned wall, unsigned eye)
+{
+	return &l->wall[wall].grid[eye];
 }
 
 double bb_light_seen(const struct bb_light *l, unsigned wall, unsigned eye)

@@ -19,6 +19,7 @@ struct bb_light_config {
 	const struct bb_scene *scene;
 	const struct bb_transfer *transfer; /* NULL: no volume */
 	struct bb_vec3 viewer;
+	int64_t coast_ns;                   /* of the chain: hal/shutter.h */
 	bool drawn;                         /* every frame is: bb_light_pixels comes for each picture */
 };
 
@@ -40,6 +41,8 @@ void bb_light_skip(struct bb_light *l, int64_t now_ns);
 const struct bb_flash_meter *bb_light_meter(const struct bb_light *l);
 /* What an eye gets of white through running shutters over what it gets through open ones. */
 double bb_light_dim(const struct bb_room *room);
+/* What the pictures of a wall show an eye, for tests. */
+const struct bb_flash_grid *bb_light_grid(const struct bb_light *l, unsigned wall, unsigned eye);
 /* Mean since the last frame of what an eye gets of white on a wall, 0..1: for tests. */
 double bb_light_seen(const struct bb_light *l, unsigned wall, unsigned eye);
 

@@ -216,6 +216,7 @@ static void take_slots(struct bb_frame_loop *l)
 		l->polarity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->rhythm_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 		l->eyes.slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
+		l->eyes.parity_slot = bb_watch_slot(l->watch, "shutter", l->room->chain.id);
 	}
 }
 
@@ -279,7 +280,9 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
-	                                       .viewer = l->start.p, .drawn = l->draw_everything };
+		                               .viewer = l->start.p,
+		                               .coast_ns = l->rig->shutter ? bb_shutter_limits(l->rig->shutter)->coast_ns : 0,
+		                               .drawn = l->draw_everything };
 	if (status == BB_OK && l->rig->needs[BB_CLASS_DISPLAYS] >= 0)
 		status = bb_light_create(&light, &l->light);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));

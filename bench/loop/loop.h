@@ -16,6 +16,7 @@
 
 #include "hal/profile.h"
 #include "render/stream/io.h"
+#include "bench/blackbox.h"
 #include "bench/ledger.h"
 #include "bench/loop/crosstalk.h"
 #include "bench/loop/light.h"
@@ -89,7 +90,7 @@ struct bb_eyes { /* eyes.c */
 	bool gone;                        /* the chain does not answer */
 	struct bb_timer watch;            /* for an edge that does not come */
 	uint32_t swapped;                 /* by stage: its wall gets the other eye's pictures */
-	size_t slot;
+	size_t slot, parity_slot;
 };
 
 struct bb_view_cause { /* what a node's views follow from */
@@ -138,6 +139,7 @@ struct bb_frame_loop {
 	struct bb_ledger *ledger;
 	struct bb_run_result *result;     /* counters, facts, path */
 	struct bb_watch *watch;
+	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_polarity polarity;

@@ -96,13 +96,13 @@ static void watch_rhythm(struct bb_frame_loop *l, int64_t now_ns)
 	for (unsigned i = 0; i < p->n_stages; i++)
 		doubled += p->stage[i].doubled;
 	if (doubled > l->doubled_seen)
-		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "%llu spurious edges",
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "GLITCH: %llu spurious edges",
 		             (unsigned long long)(doubled - l->doubled_seen));
 	else if (fabs(p->recent_ns - period_ns) > 0.01 * period_ns)
-		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "the sync runs at %.2f Hz, want %.2f",
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "RATE_CHANGE: the sync runs at %.2f Hz, want %.2f",
 		             1e9 / p->recent_ns, 1e9 / period_ns);
 	else if (bb_phase_jitter_ns(p) > 0.02 * period_ns)
-		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "sync jitter %.0f us rms",
+		bb_watch_bad(l->watch, l->rhythm_slot, now_ns, BB_HEALTH_DEGRADED, "JITTER: %.0f us rms",
 		             bb_phase_jitter_ns(p) * 1e-3);
 	else
 		bb_watch_good(l->watch, l->rhythm_slot, now_ns);
@@ -128,7 +128,7 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 	}
 	l->eyes.gone = status < 0;
 	if (l->eyes.gone)
-		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "the chain is gone: %s",
+		bb_watch_bad(l->watch, l->shutter_slot, now_ns, BB_HEALTH_LOST, "CHAIN_GONE: the chain does not answer: %s",
 		             bb_status_text(status));
 }
 

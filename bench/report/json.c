@@ -331,6 +331,22 @@ static json_t *needs_json(const struct bb_scene *scene)
 	return o;
 }
 
+static json_t *black_json(const struct bb_run_result *r)
+{
+	json_t *a = json_array();
+
+	for (size_t i = 0; i < r->n_black; i++) {
+		json_t *o = json_object(), *causes = json_array();
+		json_object_set_new(o, "what", text(r->black[i].what));
+		json_object_set_new(o, "at_s", number((double)r->black[i].at_ns * 1e-9));
+		for (size_t k = 0; k < r->black[i].n_causes; k++)
+			json_array_append_new(causes, text(r->black[i].cause[k].text));
+		json_object_set_new(o, "causes", causes);
+		json_array_append_new(a, o);
+	}
+	return a;
+}
+
 static void set_run(json_t *root, const struct bb_run_result *r)
 {
 	json_object_set_new(root, "schema", json_integer(BB_RESULT_SCHEMA));
@@ -360,6 +376,7 @@ char *bb_result_json_text(const struct bb_run_result *r)
 	json_object_set_new(root, "budgets", budgets_json(r));
 	json_object_set_new(root, "incidents", incidents_json(r));
 	json_object_set_new(root, "faults", faults_json(r));
+	json_object_set_new(root, "black_box", black_json(r));
 	json_object_set_new(root, "stages", stages_json(r));
 	json_object_set_new(root, "devices", devices_json(r));
 	json_object_set_new(root, "pictures", pictures_json(r));

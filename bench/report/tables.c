@@ -118,6 +118,13 @@ static void put_faults(FILE *f, const struct bb_run_result *r)
 
 void bb_report_trouble(FILE *f, const struct bb_run_result *r)
 {
+	for (size_t k = 0; k < r->n_black; k++) {
+		fputs("<p class=\"note\">Black box: ", f);
+		bb_put_markup(f, r->black[k].what);
+		fputs(r->black[k].n_causes ? "; most likely " : "; nobody was seen to be unwell", f);
+		bb_put_markup(f, r->black[k].n_causes ? r->black[k].cause[0].text : "");
+		fputs(" (blackbox.txt)</p>\n", f);
+	}
 	if (r->n_incidents)
 		put_incidents(f, r);
 	else
