@@ -164,7 +164,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
 		                      .steps = l->steps,
-		                      .way = l->way,
+		                      .way = (int16_t)l->way,
 		                      .swapped = l->eyes.swapped,
 		                      .depth = (uint16_t)lround(BB_WHOLE * l->eyes.out.depth),
 		                      .light = (uint16_t)lround(BB_WHOLE * l->eyes.out.light * l->options->dim) };
