@@ -244,7 +244,7 @@ static void played(struct bb_renderer *r)
 	assert_int_equal(bb_trade_create(&c, &t, &err), BB_OK);
 	s.brick = 8;
 	s.bricks_per_frame = 0;
-	static const double mib[] = { 0.02, 0.1, 0.4, 4 };
+	static const double mib[] = { 0.022, 0.1, 0.4, 4 };
 	for (size_t i = 0; i < BB_ARRAY_LEN(mib); i++) {
 		s.memory_mib = mib[i];
 		assert_int_equal(bb_trade_play(t, &s, &p[i], &err), BB_OK);
