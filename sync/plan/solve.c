@@ -121,7 +121,7 @@ static double widest(const struct search *s, double at)
 	const double limit = s->task->limit_percent, step = (s->most - s->least) / OPENINGS;
 	double good = 0, bad = s->most, least = (double)INFINITY, deepest = s->most;
 
-	for (int i = 0; i <= (step > 0 ? OPENINGS : 0) && !good; i++) {
+	for (int i = 0; i <= (step > 0 ? OPENINGS : 0) && !(good > 0); i++) {
 		const double open = s->most - step * i, percent = crosstalk(s, at, open);
 
 		*(percent <= limit ? &good : &bad) = open;
@@ -130,7 +130,7 @@ static double widest(const struct search *s, double at)
 			deepest = open;
 		}
 	}
-	if (!good && step > 0 && least < 2 * limit) { /* the valley may lie between two steps */
+	if (!(good > 0) && step > 0 && least < 2 * limit) { /* the valley may lie between two steps */
 		deepest = valley(s, at, fmax(deepest - step, s->least), fmin(deepest + step, s->most));
 		good = crosstalk(s, at, deepest) <= limit ? deepest : 0;
 		bad = fmin(deepest + step, s->most);
