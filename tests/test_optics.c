@@ -159,9 +159,10 @@ static struct optics_scene *with_noise(const struct optics_scene *from, double n
 	c.read_v *= noise;
 	c.shot_v *= noise;
 	c.hum_v *= noise;
-	for (size_t i = 0; i < n; i++)
-		s->volts[i] = sim_diode_volts(&c, &rng, from->volts[i] / c.full_v,
-		                              (double)from->at_ns[i / from->recording.n_channels] * 1e-9);
+	for (size_t i = 0; i < n; i++) {
+		const size_t row = i / from->recording.n_channels;
+		s->volts[i] = sim_diode_volts(&c, &rng, from->volts[i] / c.full_v, (double)from->at_ns[row] * 1e-9);
+	}
 	return s;
 }
 
