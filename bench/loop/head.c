@@ -117,11 +117,11 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	}
 	if (l->world && sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l)))
 		return scheduled_ns + l->frame_ns; /* so that it wakes in phase */
-	watch_gap(l, now_ns);
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
+	watch_gap(l, now_ns);
 	struct bb_frame *f = open_frame(l, now_ns);
 	bb_remote_woke(l, scheduled_ns, now_ns);
 	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;
