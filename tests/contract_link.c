@@ -241,8 +241,8 @@ static void of_two_times_the_sooner_wakes(void **state)
 
 static void drain(struct bench *b, int64_t n_nodes, int *received)
 {
-	for (uint16_t i = 0; i < n_nodes; i++)
-		while (bb_link_receive(b->l, i, &b->m) == BB_OK)
+	for (int64_t i = 0; i < n_nodes; i++)
+		while (bb_link_receive(b->l, (uint16_t)i, &b->m) == BB_OK)
 			received[i]++;
 }
 

@@ -223,8 +223,8 @@ static void marks_are_siphash_2_4(void **state)
 	struct bb_seal *seal;
 
 	(void)state;
-	for (uint8_t i = 0; i < sizeof(key); i++)
-		key[i] = i;
+	for (size_t i = 0; i < sizeof(key); i++)
+		key[i] = (uint8_t)i;
 	assert_true(bb_seal_create(key, &seal));
 	for (int twice = 0; twice < 2; twice++) {
 		assert_true(bb_seal_make(seal, "", 0, mark));

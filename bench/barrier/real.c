@@ -295,11 +295,19 @@ static void run_mpi(const struct bb_real_table *t, struct bb_real_row *row)
 	text[has] = '\0';
 	if (pid > 0)
 		waitpid(pid, &status, 0);
-	unsigned long long count = 0;
-	if (status || sscanf(text, "%llu %lf %lf %lf %lf", &count, &row->p50_us, &row->p99_us, &row->max_us, &row->cpu_s) != 5)
+	double told[5] = { 0 }; /* rounds, p50, p99, max, CPU */
+	char *end = text;
+	for (size_t i = 0; i < BB_ARRAY_LEN(told); i++)
+		told[i] = strtod(end, &end);
+	if (status || !(told[0] >= 1)) {
 		snprintf(row->skipped, sizeof(row->skipped), "mpirun failed or is not there");
-	else
-		row->rounds = count;
+		return;
+	}
+	row->rounds = (uint64_t)told[0];
+	row->p50_us = told[1];
+	row->p99_us = told[2];
+	row->max_us = told[3];
+	row->cpu_s = told[4];
 }
 
 /* ---- the table ---- */

@@ -35,7 +35,7 @@ static bool udp_begin(struct real_place *p)
 /* Rank 0: everyone's word for this round, then the word back. A word for an earlier round: its answer was lost. */
 static bool udp_lead(struct real_place *p)
 {
-	struct sockaddr_in from[BB_REAL_SIZE_MOST], who;
+	struct sockaddr_in from[BB_REAL_SIZE_MOST] = { 0 }, who = { 0 };
 	unsigned have = 0;
 
 	for (int tries = 0; have < p->n - 1 && tries < TRIES;) {
@@ -95,8 +95,8 @@ static bool link_begin(struct real_place *p)
 	int64_t end_ns;
 
 	memcpy(group.secret, p->shared->secret, sizeof(group.secret));
-	for (uint16_t i = 0; i < p->n; i++)
-		group.home[i] = i;
+	for (unsigned i = 0; i < p->n; i++)
+		group.home[i] = (uint16_t)i;
 	if (bb_clock_posix_create(&p->clk) != BB_OK)
 		return false;
 	open.clk = p->clk;
@@ -151,8 +151,8 @@ static bool link_lead(struct real_place *p)
 		else if (!tell(p, from, round))
 			return false;
 	}
-	for (uint16_t i = 1; i < p->n; i++)
-		if (!tell(p, i, p->round))
+	for (unsigned i = 1; i < p->n; i++)
+		if (!tell(p, (uint16_t)i, p->round))
 			return false;
 	return have == all;
 }

@@ -10,6 +10,7 @@
 #define READY_WITHIN_NS (120 * BB_NS_PER_S)
 #define SILENT_NS (5 * BB_NS_PER_S) /* a head not heard of for so long is gone */
 #define FLOOR_WAKES 600
+#define FLOOR_WAKES_BUSY 100 /* the others take a head that is silent for long for dead */
 
 enum told { TOLD_READY = 0x6301, TOLD_START, TOLD_DREW, TOLD_RELEASED, TOLD_FLIPPED };
 
@@ -99,10 +100,10 @@ static void tell_late(struct bb_frame_loop *l, const char *key, bool heads)
 }
 
 /* The same wake-ups by a bare sleep, before anything else runs and after: what the machine itself adds. */
-static void tell_floor(struct bb_frame_loop *l, const char *key)
+static void tell_floor(struct bb_frame_loop *l, const char *key, double most)
 {
 	const double s = l->options->duration_s > 0 ? l->options->duration_s : l->scene->duration_s;
-	const size_t n = (size_t)fmin(FLOOR_WAKES, fmax(30, s * bb_rate_hz(l->frame_rate) / 100));
+	const size_t n = (size_t)fmin(most, fmax(30, s * bb_rate_hz(l->frame_rate) / 100));
 	double late_us[FLOOR_WAKES];
 
 	bb_clock_floor_us(l->frame_ns, late_us, n);
@@ -122,7 +123,7 @@ void bb_remote_tell(struct bb_frame_loop *l)
 	               (int)strcspn(link_address(l->rig->link), ":"), link_address(l->rig->link));
 	tell_late(l, "wake_late_head_us", true);
 	tell_late(l, "wake_late_nodes_us", false);
-	tell_floor(l, "timer_floor_busy_us"); /* the others still run */
+	tell_floor(l, "timer_floor_busy_us", FLOOR_WAKES_BUSY); /* the others still run */
 	bb_result_count(l->result, "packets_sent", c.sent);
 	bb_result_count(l->result, "packets_received", c.received);
 	bb_result_count(l->result, "packets_missed", c.missed);
@@ -181,7 +182,7 @@ enum bb_status bb_remote_gather(struct bb_frame_loop *l, struct bb_error *err)
 			return bb_fail(err, BB_ERR_LOST, 1679, NULL, "%d of %u are", __builtin_popcountll(l->ready_processes), n - 1U);
 		bb_clock_run_until(l->clk, bb_clock_now_ns(l->clk) + BB_NS_PER_S / 100);
 	}
-	tell_floor(l, "timer_floor_us");
+	tell_floor(l, "timer_floor_us", FLOOR_WAKES);
 	return BB_OK;
 }
 

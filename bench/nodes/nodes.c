@@ -268,7 +268,7 @@ enum bb_status bb_nodes_open(const struct bb_run_options *o, const struct bb_roo
 	if (status == BB_OK && n->group.process)
 		return join(n, err);
 	if (status == BB_OK && o->processes.wait)
-		fprintf(stderr, "waiting for %u processes: blackburst node %s %s --nodes %u --join %s --token-file FILE\n",
+		fprintf(stderr, "waiting for %d processes: blackburst node %s %s --nodes %u --join %s --token-file FILE\n",
 		        o->processes.n - 1, o->room_path, o->scene_path, o->processes.n, link_address(n->link));
 	else if (status == BB_OK)
 		status = start_children(n, err);

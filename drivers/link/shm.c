@@ -82,7 +82,9 @@ static void ring_bell(struct seat *seat)
 
 static bool anything(const struct link_shm *s)
 {
-	for (uint16_t i = is_head(s) ? 1 : s->me; i < (is_head(s) ? s->n : s->me + 1); i++) {
+	const unsigned first = is_head(s) ? 1 : s->me, end = is_head(s) ? s->n : s->me + 1U;
+
+	for (unsigned i = first; i < end; i++) {
 		const struct ring *r = is_head(s) ? &s->region->seat[i].up : &s->region->seat[i].down;
 		if (atomic_load(&r->written) != s->read[i])
 			return true;
