@@ -29,6 +29,12 @@ static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb
 	return flags;
 }
 
+static bool same_pose(const struct bb_pose *a, const struct bb_pose *b)
+{
+	return a->p.x == b->p.x && a->p.y == b->p.y && a->p.z == b->p.z && a->q.w == b->q.w && a->q.x == b->q.x &&
+	       a->q.y == b->q.y && a->q.z == b->q.z;
+}
+
 /* Views of every screen for every eye; navigation carries the room through the world like a vehicle. */
 static void make_views(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
@@ -38,9 +44,9 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	struct bb_vec3 eye[2];
 
 	/* A viewer who sits still leaves the views as they are. */
-	const struct bb_pose made_for[2] = { m->navigation, m->eyes };
-	if (!n->made || memcmp(made_for, n->made_for, sizeof(made_for)) != 0) {
-		memcpy(n->made_for, made_for, sizeof(made_for));
+	if (!n->made || !same_pose(&m->navigation, &n->made_for[0]) || !same_pose(&m->eyes, &n->made_for[1])) {
+		n->made_for[0] = m->navigation;
+		n->made_for[1] = m->eyes;
 		n->made = true;
 		n->view_flags = 0;
 		bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
