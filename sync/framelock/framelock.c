@@ -301,6 +301,10 @@ void lock_begin_epoch(struct bb_framelock *f, int64_t now_ns)
 	f->opened_ns = BB_NEVER;
 	f->epoch_from = f->frame;
 	f->counts.epochs++;
+	if (f->state == BB_LOCK_IN && !f->ready && f->drawn > f->frame) { /* while it was outside, or elsewhere */
+		f->ready = true;
+		f->ready_ns = f->rolled_ns = now_ns;
+	}
 	if (f->state != BB_LOCK_IN || !f->ready)
 		return;
 	lock_note(f, f->c.self, f->frame, now_ns);
@@ -310,6 +314,7 @@ void lock_begin_epoch(struct bb_framelock *f, int64_t now_ns)
 
 void bb_framelock_ready(struct bb_framelock *f, uint64_t frame, int64_t now_ns)
 {
+	f->drawn = frame + 1;
 	if (f->state != BB_LOCK_IN || frame < f->frame || (f->ready && frame == f->frame))
 		return;
 	if (frame > f->frame) { /* frames between were never asked for */

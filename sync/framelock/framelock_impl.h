@@ -48,6 +48,7 @@ struct bb_framelock {
 
 	uint64_t frame;             /* the next to be released */
 	bool ready;                 /* this node has drawn it */
+	uint64_t drawn;             /* newest frame + 1 that it has drawn, whether anybody asked or not */
 	int64_t ready_ns, sent_ns, rolled_ns;
 	unsigned round;             /* dissemination: signals waited for */
 	uint64_t signal[LOCK_SIGNALS]; /* newest frame + 1 signalled: by round, or by child */
