@@ -184,6 +184,10 @@ GIB ?= 16
 bench-volume: all
 	BB_PROGRAM=$(PROGRAM) tests/scale-volume.sh build $(GIB) || [ $$? = 77 ]
 
+# One virtual hour of the 416-monitor room, twice: CPU seconds (at most 60), memory, the hash of its event log.
+bench-hour: all
+	BB_PROGRAM=$(PROGRAM) tests/hour.sh
+
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
@@ -240,6 +244,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-gl bench-cast bench-barrier bench-posix fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

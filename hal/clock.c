@@ -5,11 +5,19 @@
 #include <sys/prctl.h>
 #include <time.h>
 
+#define RANK_SHIFT 56 /* 2^56 armings are enough for years */
+
+struct entry { /* what decides stands here and not in the timer: hundreds of displays wait for one vblank */
+	int64_t at_ns;
+	uint64_t order;          /* rank above the order of arming */
+	struct bb_timer *timer;
+};
+
 struct bb_clock {
 	bool virtual_time, stopped;
 	int64_t now_ns;          /* virtual */
 	int64_t zero_ns;         /* posix: CLOCK_MONOTONIC at creation */
-	struct bb_timer **heap;  /* least first */
+	struct entry *heap;      /* least first */
 	size_t n, cap;
 	uint64_t order, steps;
 	bb_wait_fn wait;         /* posix: instead of sleeping */
@@ -53,7 +61,7 @@ void bb_clock_destroy(struct bb_clock *clk)
 	if (!clk)
 		return;
 	for (size_t i = 0; i < clk->n; i++)
-		clk->heap[i]->slot = 0;
+		clk->heap[i].timer->slot = 0;
 	free(clk->heap);
 	free(clk);
 }
@@ -91,39 +99,38 @@ uint64_t bb_clock_steps(const struct bb_clock *clk)
 	return clk->steps;
 }
 
-static bool before(const struct bb_timer *a, const struct bb_timer *b)
+static inline bool before(const struct entry *a, const struct entry *b)
 {
-	if (a->at_ns != b->at_ns)
-		return a->at_ns < b->at_ns;
-	if (a->rank != b->rank)
-		return a->rank < b->rank;
-	return a->order < b->order;
+	return a->at_ns != b->at_ns ? a->at_ns < b->at_ns : a->order < b->order;
 }
 
-static void place(struct bb_clock *clk, size_t i, struct bb_timer *t)
+static inline void place(struct bb_clock *clk, size_t i, const struct entry *e)
 {
-	clk->heap[i] = t;
-	t->slot = i + 1;
+	clk->heap[i] = *e;
+	e->timer->slot = i + 1;
 }
 
-static void sift(struct bb_clock *clk, size_t i, struct bb_timer *t)
+/* A heap of four children is half as deep. */
+static void sift(struct bb_clock *clk, size_t i, struct entry e)
 {
-	while (i > 0 && before(t, clk->heap[(i - 1) / 2])) {
-		place(clk, i, clk->heap[(i - 1) / 2]);
-		i = (i - 1) / 2;
+	while (i > 0 && before(&e, &clk->heap[(i - 1) / 4])) {
+		place(clk, i, &clk->heap[(i - 1) / 4]);
+		i = (i - 1) / 4;
 	}
 	for (;;) {
-		size_t child = 2 * i + 1;
-		if (child >= clk->n)
+		const size_t first = 4 * i + 1, end = first + 4 < clk->n ? first + 4 : clk->n;
+		size_t least = first;
+		if (first >= clk->n)
 			break;
-		if (child + 1 < clk->n && before(clk->heap[child + 1], clk->heap[child]))
-			child++;
-		if (!before(clk->heap[child], t))
+		for (size_t child = first + 1; child < end; child++)
+			if (before(&clk->heap[child], &clk->heap[least]))
+				least = child;
+		if (!before(&clk->heap[least], &e))
 			break;
-		place(clk, i, clk->heap[child]);
-		i = child;
+		place(clk, i, &clk->heap[least]);
+		i = least;
 	}
-	place(clk, i, t);
+	place(clk, i, &e);
 }
 
 enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns)
@@ -131,11 +138,11 @@ enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_
 	size_t i = timer->slot - 1;
 
 	timer->at_ns = at_ns;
-	timer->order = clk->order++;
+	timer->order = (uint64_t)timer->rank << RANK_SHIFT | clk->order++;
 	if (!timer->slot) {
 		if (clk->n == clk->cap) {
 			const size_t cap = clk->cap ? 2 * clk->cap : 64;
-			struct bb_timer **heap = realloc(clk->heap, cap * sizeof(*heap));
+			struct entry *heap = realloc(clk->heap, cap * sizeof(*heap));
 			if (!heap)
 				return BB_ERR_NOMEM;
 			clk->heap = heap;
@@ -143,7 +150,7 @@ enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_
 		}
 		i = clk->n++;
 	}
-	sift(clk, i, timer);
+	sift(clk, i, (struct entry){ at_ns, timer->order, timer });
 	return BB_OK;
 }
 
@@ -154,14 +161,14 @@ void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer)
 	if (!timer->slot)
 		return;
 	timer->slot = 0;
-	struct bb_timer *last = clk->heap[--clk->n];
-	if (last != timer)
+	const struct entry last = clk->heap[--clk->n];
+	if (last.timer != timer)
 		sift(clk, i, last);
 }
 
 int64_t bb_clock_next_ns(const struct bb_clock *clk)
 {
-	return clk->n ? clk->heap[0]->at_ns : BB_NEVER;
+	return clk->n ? clk->heap[0].at_ns : BB_NEVER;
 }
 
 void bb_clock_stop(struct bb_clock *clk)
@@ -207,7 +214,7 @@ static struct bb_timer *next_due(struct bb_clock *clk, int64_t end_ns)
 	while (!clk->stopped) {
 		const int64_t next_ns = bb_clock_next_ns(clk), until_ns = next_ns < end_ns ? next_ns : end_ns;
 		if (bb_clock_now_ns(clk) >= until_ns)
-			return next_ns <= end_ns ? clk->heap[0] : NULL;
+			return next_ns <= end_ns ? clk->heap[0].timer : NULL;
 		wait_until(clk, until_ns);
 	}
 	return NULL;

@@ -24,7 +24,7 @@ struct bb_timer { /* the caller's memory; embed it; zero is "not armed" */
 	bb_step_fn step;
 	int64_t at_ns;
 	uint8_t rank;      /* of equal times the lower rank runs first: 0 world, 1 devices, 2 links, 3 the loop */
-	uint64_t order;    /* private: arming order */
+	uint64_t order;    /* private: rank and arming order */
 	size_t slot;       /* private: 1 + index in the queue, 0 when not armed */
 };
 

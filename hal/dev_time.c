@@ -21,23 +21,23 @@ void bb_timemap_add(struct bb_timemap *m, struct bb_dev_ns stamp, int64_t arrive
 {
 	const uint32_t slot = m->n % BB_TIMEMAP_WINDOW;
 	const uint32_t held = m->n < BB_TIMEMAP_WINDOW ? m->n + 1 : BB_TIMEMAP_WINDOW;
-	int64_t least = INT64_MAX, most = INT64_MIN;
+	const int64_t newest = bb_ns_since(arrived_ns, stamp.ns);
+	int64_t least = 0, most = 0; /* since the newest: deltas may lie on both sides of the end of int64 */
 
-	m->delta_ns[slot] = arrived_ns - stamp.ns;
+	m->delta_ns[slot] = newest;
 	m->stamp_ns[slot] = stamp.ns;
 	m->n++;
 	for (uint32_t i = 0; i < held; i++) {
-		if (m->delta_ns[i] < least)
-			least = m->delta_ns[i];
-		if (m->delta_ns[i] > most)
-			most = m->delta_ns[i];
+		const int64_t since = bb_ns_since(m->delta_ns[i], newest);
+		least = since < least ? since : least;
+		most = since > most ? since : most;
 	}
-	m->offset_ns = least - m->least_latency_ns;
+	m->offset_ns = bb_ns_since(bb_ns_after(newest, least), m->least_latency_ns);
 	/* The least of n delays that spread over `most - least` lies about (most - least) / n above the true least. */
 	m->uncertainty_ns = held > 1 ? (most - least) / held + 1 : m->least_latency_ns + 1;
 }
 
 int64_t bb_timemap_host_ns(const struct bb_timemap *m, struct bb_dev_ns stamp)
 {
-	return stamp.ns + m->offset_ns;
+	return bb_ns_after(stamp.ns, m->offset_ns);
 }

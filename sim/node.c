@@ -25,6 +25,17 @@ static enum bb_status node_slow(void *device, const struct sim_fault_args *args,
 	return status;
 }
 
+static enum bb_status node_drag(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+	double factor;
+	const enum bb_status status = sim_fault_range(args, "factor", SIM_FAULT_REQUIRED, 1, 100, &factor, err);
+
+	if (status == BB_OK && node)
+		node->drag_ppm += llround((on ? 1e6 : -1e6) * (factor - 1));
+	return status;
+}
+
 static enum bb_status node_crash(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_node_state *node = device;
@@ -47,11 +58,24 @@ static enum bb_status node_stall(void *device, const struct sim_fault_args *args
 	return BB_OK;
 }
 
+static enum bb_status node_suspend(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+
+	(void)args;
+	(void)err;
+	if (node)
+		node->suspended += on ? 1 : -1;
+	return BB_OK;
+}
+
 const struct sim_verb sim_node_verbs[] = {
 	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
+	{ "drag", "factor=N", "every draw of the node takes N times as long", "factor=1.5", node_drag },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
+	{ "suspend", "", "the head runs nothing from the next frame on, as after closing a lid", "", node_suspend },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 
@@ -79,9 +103,19 @@ int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_
 	return w->nodes[node].late_frames * w->frame_ns + w->nodes[node].slow_ns;
 }
 
+int64_t sim_world_node_drag_ppm(const struct sim_world *w, uint16_t node)
+{
+	return node < w->room->n_nodes ? w->nodes[node].drag_ppm : 0;
+}
+
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node)
 {
 	return node < w->room->n_nodes && w->nodes[node].stalled > 0;
+}
+
+bool sim_world_node_suspended(const struct sim_world *w, uint16_t node)
+{
+	return node < w->room->n_nodes && w->nodes[node].suspended > 0;
 }
 
 bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns)

@@ -11,11 +11,15 @@
 #define PPB_LEAST INT64_C(-900000000)
 #define PPB_MOST INT64_C(9000000000)
 
-static int64_t floor_div(__int128 a, int64_t b) /* b > 0 */
+/* floor(a * b / c), c > 0: in 64 bits where the product fits, which it does for months of any sane rate. */
+static int64_t mul_div(int64_t a, int64_t b, int64_t c)
 {
-	const __int128 q = a / b;
+	int64_t product;
 
-	return (int64_t)(a % b < 0 ? q - 1 : q);
+	if (!__builtin_mul_overflow(a, b, &product))
+		return product / c - (product % c < 0);
+	const __int128 wide = (__int128)a * b;
+	return (int64_t)(wide / c - (wide % c < 0));
 }
 
 static int64_t at_of_tau(const struct sim_world *w, int64_t tau_ns)
@@ -25,7 +29,8 @@ static int64_t at_of_tau(const struct sim_world *w, int64_t tau_ns)
 	while (i > 0 && w->piece[i].tau_ns > tau_ns)
 		i--;
 	const struct sim_piece *p = &w->piece[i];
-	return p->at_ns + floor_div((__int128)(tau_ns - p->tau_ns) * BB_NS_PER_S, BB_NS_PER_S + p->ppb);
+	const int64_t dt_ns = tau_ns - p->tau_ns; /* dt / (1 + e) = dt - dt e / (1 + e) */
+	return p->at_ns + dt_ns + mul_div(-dt_ns, p->ppb, BB_NS_PER_S + p->ppb);
 }
 
 static int64_t tau_of_at(const struct sim_world *w, int64_t at_ns)
@@ -35,7 +40,8 @@ static int64_t tau_of_at(const struct sim_world *w, int64_t at_ns)
 	while (i > 0 && w->piece[i].at_ns > at_ns)
 		i--;
 	const struct sim_piece *p = &w->piece[i];
-	return p->tau_ns + floor_div((__int128)(at_ns - p->at_ns) * (BB_NS_PER_S + p->ppb), BB_NS_PER_S);
+	const int64_t dt_ns = at_ns - p->at_ns;
+	return p->tau_ns + dt_ns + mul_div(dt_ns, p->ppb, BB_NS_PER_S);
 }
 
 enum bb_status sim_reference_init(struct sim_world *w)
@@ -65,6 +71,7 @@ enum bb_status sim_world_set_sync_error(struct sim_world *w, int64_t from_ns, in
 		return BB_ERR_RANGE;
 	if (from_ns <= last->at_ns && w->n_pieces == 1) { /* before edge 0: the generator always ran like this */
 		w->piece[0].ppb = ppb;
+		w->n_bends++;
 		return BB_OK;
 	}
 	if (from_ns < last->at_ns)
@@ -73,7 +80,13 @@ enum bb_status sim_world_set_sync_error(struct sim_world *w, int64_t from_ns, in
 		return BB_ERR_NOMEM;
 	w->piece[w->n_pieces] = (struct sim_piece){ tau_of_at(w, from_ns), from_ns, ppb };
 	w->n_pieces++;
+	w->n_bends++;
 	return BB_OK;
+}
+
+uint32_t sim_world_reference_bends(const struct sim_world *w)
+{
+	return w->n_bends;
 }
 
 int64_t sim_world_sync_error_ppb(const struct sim_world *w)
@@ -95,7 +108,7 @@ int64_t sim_world_reference_after(const struct sim_world *w, struct bb_rate rate
 {
 	const int64_t tau_ns = tau_of_at(w, at_ns);
 	/* Both maps round down, so the guess is within an instant or two; start below and walk up. */
-	int64_t k = floor_div((__int128)tau_ns * rate.num, (int64_t)rate.den * BB_NS_PER_S) - 2;
+	int64_t k = mul_div(tau_ns, rate.num, (int64_t)rate.den * BB_NS_PER_S) - 2;
 
 	if (k < 0)
 		k = 0;

@@ -33,6 +33,9 @@ struct sim_display {
 	struct pending pending[PENDING];
 	uint32_t n_pending;
 	int64_t last_k;               /* last vblank that flipped or swallowed an image */
+	int64_t newest_k, newest_ns, next_ns; /* at known_ns: the newest vblank, and when the one after it begins; */
+	int64_t known_ns;
+	uint32_t bends;               /* while the reference is bent no more, and the axis stands; next 0: not known */
 	struct bb_flip result[RESULTS];
 	uint32_t head, n_results;
 	uint64_t unread, swallowed;
@@ -87,10 +90,31 @@ static int64_t stamp(const struct sim_display *s, int64_t at_ns)
 	return s->ideal ? at_ns : at_ns - at_ns % STAMP_NS;
 }
 
-/* Newest vblank at or before now, or zero_k - 1. */
-static int64_t newest(const struct sim_display *s)
+/*
+ * Newest vblank at or before now, or zero_k - 1. Asked several times a frame of every display: looked up once, and from
+ * the last one when it is the next.
+ */
+static int64_t newest(struct sim_display *s)
 {
-	return vblank_after(s, bb_clock_now_ns(s->base.dev.clk) + 1) - 1;
+	const int64_t now_ns = bb_clock_now_ns(s->base.dev.clk);
+	const uint32_t bends = sim_world_reference_bends(s->world);
+	const bool known = s->next_ns > 0 && bends == s->bends && now_ns >= s->known_ns;
+
+	if (known && now_ns < s->next_ns)
+		return s->newest_k;
+	const int64_t after_ns = known ? vblank_ns(s, s->newest_k + 2) : 0;
+	if (known && now_ns < after_ns) {
+		s->newest_k++;
+		s->newest_ns = s->next_ns;
+		s->next_ns = after_ns;
+	} else {
+		s->newest_k = vblank_after(s, now_ns + 1) - 1;
+		s->newest_ns = vblank_ns(s, s->newest_k);
+		s->next_ns = vblank_ns(s, s->newest_k + 1);
+	}
+	s->known_ns = now_ns;
+	s->bends = bends;
+	return s->newest_k;
 }
 
 /* Before something changes: scan-out goes on from here with the next number. */
@@ -102,6 +126,7 @@ static void hold_axis(struct sim_display *s)
 	s->zero_ns = next_ns;
 	s->zero_frame += k + 1 - s->zero_k;
 	s->zero_k = k + 1;
+	s->next_ns = 0;
 }
 
 int64_t sim_display_vblank_ns(const struct bb_display *d, int64_t k)
@@ -232,7 +257,7 @@ static enum bb_status display_vblank(struct bb_display *d, struct bb_vblank *out
 	const int64_t k = newest(s);
 	if (k < 0)
 		return BB_TIMEOUT;
-	*out = (struct bb_vblank){ stamp(s, vblank_ns(s, k)), (uint32_t)k };
+	*out = (struct bb_vblank){ stamp(s, s->newest_ns), (uint32_t)k };
 	return BB_OK;
 }
 
@@ -253,7 +278,8 @@ static enum bb_status display_present(struct bb_display *d, uint64_t frame, enum
 	if (k <= before_k)
 		k = before_k + 1;
 	k += s->late;
-	if (!s->n_pending && bb_clock_arm(d->dev.clk, &s->timer, vblank_ns(s, k)) != BB_OK)
+	const int64_t at_ns = k == s->newest_k + 1 ? s->next_ns : vblank_ns(s, k);
+	if (!s->n_pending && bb_clock_arm(d->dev.clk, &s->timer, at_ns) != BB_OK)
 		return BB_ERR_NOMEM;
 	s->pending[s->n_pending++] = (struct pending){ frame, k, target_seq, (uint8_t)eye };
 	return BB_OK;

@@ -40,6 +40,8 @@ int64_t sim_world_sync_after(const struct sim_world *w, int64_t at_ns);
  * time. Instants of rates that divide each other coincide. */
 int64_t sim_world_reference_ns(const struct sim_world *w, struct bb_rate rate, int64_t k);
 int64_t sim_world_reference_after(const struct sim_world *w, struct bb_rate rate, int64_t at_ns);
+/* Changes whenever the generator's rate was told to: instants computed before may no longer hold. */
+uint32_t sim_world_reference_bends(const struct sim_world *w);
 struct bb_rate sim_world_sync_rate(const struct sim_world *w);
 /* From this time on the generator runs this much faster than nominal (sim_shutter: URI option, fault `rate`). */
 int64_t sim_world_sync_error_ppb(const struct sim_world *w);
@@ -51,8 +53,12 @@ bool sim_world_fed(const struct sim_world *w, const char *outlet);
 
 /* How long a node's image is delayed at this moment by faults, ns (the loop adds it to the node's cost). */
 int64_t sim_world_node_delay_ns(const struct sim_world *w, uint16_t node, int64_t at_ns);
+/* How much longer its draws take, beyond once. */
+int64_t sim_world_node_drag_ppm(const struct sim_world *w, uint16_t node);
 /* A node with a stalled disk reads nothing. */
 bool sim_world_node_stalled(const struct sim_world *w, uint16_t node);
+/* A suspended node does nothing, and what comes for it waits. */
+bool sim_world_node_suspended(const struct sim_world *w, uint16_t node);
 /* A crashed node sends, draws and answers nothing. */
 bool sim_world_node_dead(const struct sim_world *w, uint16_t node, int64_t at_ns);
 

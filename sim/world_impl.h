@@ -23,8 +23,10 @@ struct sim_node_state { /* sums over the faults that are set */
 	struct sim_world *world;
 	int64_t late_frames;
 	int64_t slow_ns;
+	int64_t drag_ppm;
 	int64_t crashed;
 	int64_t stalled;
+	int64_t suspended;
 };
 
 struct sim_viewer_state {
@@ -57,6 +59,7 @@ struct sim_world {
 	struct bb_rate sync_rate;
 	struct sim_piece *piece;
 	size_t n_pieces, cap_pieces;
+	uint32_t n_bends;          /* changes of the pieces */
 
 	double head_radius_m;
 	struct { /* the last head asked for: cameras that expose together ask for the same instant */

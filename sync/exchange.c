@@ -32,9 +32,7 @@ struct fit { /* the best line of a given rate */
 void bb_clockfit_init(struct bb_clockfit *f, unsigned window)
 {
 	memset(f, 0, sizeof(*f));
-	f->window = window < BB_CLOCKFIT_WINDOW_MIN   ? BB_CLOCKFIT_WINDOW_MIN
-		    : window > BB_CLOCKFIT_WINDOW_MAX ? BB_CLOCKFIT_WINDOW_MAX
-						      : window;
+	f->window = window < 1 ? 1 : window > BB_CLOCKFIT_WINDOW_MAX ? BB_CLOCKFIT_WINDOW_MAX : window;
 }
 
 /* Times come in order but for answers that overtake one another: those count at one time, wrong by a part of a round
@@ -71,9 +69,22 @@ static double hull_least(const struct hull *h, double rate, double *at)
 	return least;
 }
 
+/* One way: what the line stays off the mean of its bounds, negative; of the offset the least delay is still missing. */
+static struct fit fit_below(const struct hull *below, unsigned n, double rate)
+{
+	const double mean_at = below->sum_at / n;
+	double y = 0;
+	const double bottom = -hull_least(below, -rate, &y);
+
+	return (struct fit){ .offset_ns = bottom, .margin_ns = -(bottom + rate * mean_at), .slope = y - mean_at };
+}
+
 static struct fit fit_rate(const struct bounds *b, double rate)
 {
 	double x = 0, y = 0;
+
+	if (!b->above.n)
+		return fit_below(&b->below, b->n, rate);
 	const double top = hull_least(&b->above, rate, &x), bottom = -hull_least(&b->below, -rate, &y);
 
 	return (struct fit){ .offset_ns = (top + bottom) / 2, .margin_ns = (top - bottom) / 2, .slope = (y - x) / 2 };
@@ -111,6 +122,8 @@ static double rate_at_level(const struct bounds *b, double inside, double outsid
 
 static double mean_excess_ns(const struct bounds *b, double rate, double margin_ns)
 {
+	if (!b->above.n) /* a line took two of the n */
+		return (b->below.sum_bound - b->n * margin_ns) / (b->n - 2);
 	const double sum_ns = b->above.sum_bound - rate * b->above.sum_at + b->below.sum_bound + rate * b->below.sum_at;
 
 	/* A line and a margin fitted to the least of them took three of the 2 n. */
@@ -130,14 +143,16 @@ static void gather(struct bb_clockfit *f, const struct bb_exchange *newest, stru
 		const struct bb_exchange *e = &f->held[(oldest + i) % f->window];
 		const int64_t above_ns = bb_ns_since(bb_ns_since(e->t2_ns, e->t1_ns), f->base_ns);
 		const int64_t below_ns = bb_ns_since(bb_ns_since(e->t3_ns, e->t4_ns), f->base_ns);
-		hull_add(&b->above, (double)bb_ns_since(e->t1_ns, f->ref_ns), (double)above_ns);
+		if (!f->one_way)
+			hull_add(&b->above, (double)bb_ns_since(e->t1_ns, f->ref_ns), (double)above_ns);
 		hull_add(&b->below, (double)bb_ns_since(e->t4_ns, f->ref_ns), -(double)below_ns);
 	}
 }
 
-static struct bb_clockfit_line line_of(const struct bounds *b, double rate)
+static struct bb_clockfit_line line_of(const struct bb_clockfit *f, const struct bounds *b, double rate)
 {
-	return (struct bb_clockfit_line){ .offset_ns = fit_rate(b, rate).offset_ns, .rate = rate };
+	return (struct bb_clockfit_line){ .offset_ns = fit_rate(b, rate).offset_ns + (double)f->least_ns,
+					  .rate = rate };
 }
 
 /* Too few for a rate: any offset within the bounds is possible, at any rate. */
@@ -145,11 +160,13 @@ static void solve_offset(struct bb_clockfit *f, const struct bounds *b)
 {
 	const struct fit flat = fit_rate(b, 0);
 
-	f->delay_ns = flat.margin_ns;
-	f->spread_ns = fabs(flat.margin_ns);
-	f->line = (struct bb_clockfit_line){ .offset_ns = flat.offset_ns };
-	f->low = (struct bb_clockfit_line){ flat.offset_ns, -BB_CLOCKFIT_RATE_MAX };
-	f->high = (struct bb_clockfit_line){ flat.offset_ns, BB_CLOCKFIT_RATE_MAX };
+	/* One way nothing bounds the delay from above: another least delay, and what the arrivals differ by. */
+	const double excess_ns = f->one_way ? b->below.sum_bound / b->n - flat.margin_ns : 0;
+	f->delay_ns = f->one_way ? (double)f->least_ns : flat.margin_ns;
+	f->spread_ns = f->one_way ? (double)f->least_ns + 2 * excess_ns + RESOLUTION_NS : fabs(flat.margin_ns);
+	f->line = line_of(f, b, 0);
+	f->low = (struct bb_clockfit_line){ f->line.offset_ns, -BB_CLOCKFIT_RATE_MAX };
+	f->high = (struct bb_clockfit_line){ f->line.offset_ns, BB_CLOCKFIT_RATE_MAX };
 }
 
 static void solve(struct bb_clockfit *f, const struct bb_exchange *newest)
@@ -157,7 +174,7 @@ static void solve(struct bb_clockfit *f, const struct bb_exchange *newest)
 	struct bounds b;
 
 	gather(f, newest, &b);
-	if (f->n < BB_CLOCKFIT_WINDOW_MIN) {
+	if (f->n < BB_CLOCKFIT_RATE_LEAST) {
 		solve_offset(f, &b);
 		return;
 	}
@@ -165,12 +182,12 @@ static void solve(struct bb_clockfit *f, const struct bb_exchange *newest)
 	/* The least delay of each direction lies mean / n above the true least; a margin that is smaller by x is
 	 * exp(-2 n x / mean) as likely. */
 	const double spread_ns = fmax(mean_excess_ns(&b, widest, margin_ns), 0) / f->n + RESOLUTION_NS;
-	const double level_ns = margin_ns - LIKELY * spread_ns;
-	f->low = line_of(&b, rate_at_level(&b, widest, -BB_CLOCKFIT_RATE_MAX, level_ns));
-	f->high = line_of(&b, rate_at_level(&b, widest, BB_CLOCKFIT_RATE_MAX, level_ns));
-	f->line = line_of(&b, (f->low.rate + f->high.rate) / 2);
-	f->delay_ns = fit_rate(&b, f->line.rate).margin_ns;
-	f->spread_ns = 2 * spread_ns;
+	const double level_ns = margin_ns - (f->one_way ? 2 : 1) * LIKELY * spread_ns; /* n bounds instead of 2 n */
+	f->low = line_of(f, &b, rate_at_level(&b, widest, -BB_CLOCKFIT_RATE_MAX, level_ns));
+	f->high = line_of(f, &b, rate_at_level(&b, widest, BB_CLOCKFIT_RATE_MAX, level_ns));
+	f->line = line_of(f, &b, (f->low.rate + f->high.rate) / 2);
+	f->delay_ns = f->one_way ? (double)f->least_ns : fit_rate(&b, f->line.rate).margin_ns;
+	f->spread_ns = (f->one_way ? 4 : 2) * spread_ns;
 }
 
 static double line_ns(const struct bb_clockfit_line *l, double since_ref_ns)
@@ -206,11 +223,11 @@ static bool contradicts(const struct bb_clockfit *f, const struct bb_exchange *e
 	const double x = (double)bb_ns_since(e->t1_ns, f->ref_ns), y = (double)bb_ns_since(e->t4_ns, f->ref_ns);
 	const double above = (double)bb_ns_since(bb_ns_since(e->t2_ns, e->t1_ns), f->base_ns);
 	const double below = (double)bb_ns_since(bb_ns_since(e->t3_ns, e->t4_ns), f->base_ns);
-	const double up_ns = line_ns(&f->line, x) + f->delay_ns - above;
+	const double up_ns = f->one_way ? 0 : line_ns(&f->line, x) + f->delay_ns - above;
 	const double down_ns = below - (line_ns(&f->line, y) - f->delay_ns);
 	const double more_ns = fmax(up_ns, down_ns), less_ns = fmin(up_ns, down_ns);
 
-	return f->n >= BB_CLOCKFIT_WINDOW_MIN && more_ns > GATE * uncertainty_ns(f, y) && less_ns < more_ns / 2;
+	return f->n >= BB_CLOCKFIT_RATE_LEAST && more_ns > GATE * uncertainty_ns(f, y) && less_ns < more_ns / 2;
 }
 
 static void restart(struct bb_clockfit *f)
@@ -241,6 +258,21 @@ enum bb_clockfit_verdict bb_clockfit_add(struct bb_clockfit *f, const struct bb_
 	f->n += f->n < f->window;
 	solve(f, x);
 	return verdict;
+}
+
+void bb_clockfit_init_one_way(struct bb_clockfit *f, unsigned window, int64_t least_ns)
+{
+	bb_clockfit_init(f, window);
+	f->one_way = true;
+	f->least_ns = least_ns > 0 ? least_ns : 0;
+}
+
+enum bb_clockfit_verdict bb_clockfit_add_one_way(struct bb_clockfit *f, int64_t stamp_ns, int64_t arrived_ns)
+{
+	/* Asked when it arrived, and answered with the stamp. */
+	const struct bb_exchange x = { arrived_ns, stamp_ns, stamp_ns, arrived_ns };
+
+	return bb_clockfit_add(f, &x);
 }
 
 static int64_t whole_ns(double ns)

@@ -16,7 +16,7 @@
 #include "hal/base.h"
 
 #define BB_CLOCKFIT_WINDOW_MAX 512
-#define BB_CLOCKFIT_WINDOW_MIN 8 /* fewer exchanges give an offset within half the round trip and no rate */
+#define BB_CLOCKFIT_RATE_LEAST 16 /* fewer exchanges give an offset within half the round trip and no rate */
 #define BB_CLOCKFIT_WINDOW_DEFAULT 64
 #define BB_CLOCKFIT_RATE_MAX 1e-3 /* two oscillators differ by less */
 
@@ -42,6 +42,8 @@ struct bb_clockfit_line { /* offset_ns + rate * (local - ref) */
 
 struct bb_clockfit {
 	unsigned window;
+	bool one_way; /* stamps that arrive, with a known least delay: cameras, CAN nodes */
+	int64_t least_ns;
 	int64_t asymmetry_ns; /* the offset may be wrong by so much more; set after init, 0 at first */
 	struct bb_exchange held[BB_CLOCKFIT_WINDOW_MAX]; /* a ring */
 	unsigned n, next;
@@ -57,6 +59,15 @@ struct bb_clockfit {
 /* A window outside its limits is brought within them. */
 void bb_clockfit_init(struct bb_clockfit *f, unsigned window);
 enum bb_clockfit_verdict bb_clockfit_add(struct bb_clockfit *f, const struct bb_exchange *x);
+
+/*
+ * The same line where nobody can be asked back: a device stamps (remote clock, unwrapped) and the stamp arrives
+ * least_ns or more later. Then the line is the one that every arrival bounds from below and that stays nearest to them.
+ * A stamp from the future is an outlier; a device clock set back looks like long delays until the window has seen
+ * enough.
+ */
+void bb_clockfit_init_one_way(struct bb_clockfit *f, unsigned window, int64_t least_ns);
+enum bb_clockfit_verdict bb_clockfit_add_one_way(struct bb_clockfit *f, int64_t stamp_ns, int64_t arrived_ns);
 
 /* The remote clock at a local time, and back. *uncertainty_ns (may be NULL) holds in more than 95 % of the cases and
  * grows with the distance from the window; no exchange yet: the time itself, INT64_MAX. */

@@ -119,6 +119,34 @@ static void a_map_follows_a_drifting_clock(void **state)
 	assert_true(worst_ns <= (int64_t)BB_TIMEMAP_WINDOW * 16666667 * 30 / 1000000 + 1);
 }
 
+/* nK2: host, device, or both pass the end of int64 at any stamp from -3 to +3: the same map but for the offset. */
+static void a_map_does_not_see_the_end_of_int64(void **state)
+{
+	static struct bb_timemap first, m;
+
+	(void)state;
+	for (int host_wraps = 0; host_wraps < 2; host_wraps++)
+		for (int device_wraps = 0; device_wraps < 2; device_wraps++)
+			for (int64_t tick = -3; tick <= 3; tick++) {
+				const int64_t host_ns = host_wraps ? INT64_MAX - 32 * 16666667 + tick : 0;
+				const int64_t device_ns = device_wraps ? INT64_MAX - 20 * 16666667 + tick : 0;
+				struct sim_rng r;
+				sim_rng_seed(&r, 1, "test", "wrap");
+				bb_timemap_init(&m, 3 * MS);
+				for (int64_t i = 0; i < 100; i++) {
+					const int64_t late_ns = 3 * MS + (int64_t)(sim_rng_uniform(&r) * 2e6);
+					const struct bb_dev_ns dev = { bb_ns_after(device_ns, i * 16666667) };
+					bb_timemap_add(&m, dev, bb_ns_after(host_ns, i * 16666667 + late_ns));
+				}
+				if (!host_wraps && !device_wraps)
+					first = m;
+				assert_int_equal(m.uncertainty_ns, first.uncertainty_ns);
+				const struct bb_dev_ns at = { bb_ns_after(device_ns, 5000) };
+				assert_int_equal(bb_ns_since(bb_timemap_host_ns(&m, at), host_ns),
+				                 bb_timemap_host_ns(&first, (struct bb_dev_ns){ 5000 }));
+			}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -129,6 +157,7 @@ int main(void)
 		cmocka_unit_test(an_empty_map_says_that_it_knows_nothing),
 		cmocka_unit_test(a_map_finds_the_offset_within_its_uncertainty),
 		cmocka_unit_test(a_map_follows_a_drifting_clock),
+		cmocka_unit_test(a_map_does_not_see_the_end_of_int64),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -70,6 +70,39 @@ static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 	return f;
 }
 
+/*
+ * Row O4: the machine slept, or the loop got no processor: more than three frames late. What was measured by edges and
+ * stamps before is worth nothing, and what gathered meanwhile is not made up for: the next frame is the one for now.
+ */
+static void note_gap(struct bb_frame_loop *l, int64_t due_ns, int64_t now_ns)
+{
+	const int64_t gap_ns = now_ns - due_ns;
+
+	if (gap_ns <= 3 * l->frame_ns) {
+		bb_watch_good(l->watch, l->node_slot[bb_loop_head(l)], now_ns);
+		return;
+	}
+	bb_result_count(l->result, "gaps", 1);
+	bb_watch_bad(l->watch, l->node_slot[bb_loop_head(l)], now_ns, BB_HEALTH_DEGRADED, "GAP %.0f ms: the loop did not run",
+	             (double)gap_ns * 1e-6);
+	if (l->rig->shutter) {
+		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
+		l->edge_ns = now_ns;
+		l->doubled_seen = 0;
+	}
+	for (size_t i = 0; i < l->room->n_cameras; i++)
+		if (l->rig->cameras[i])
+			bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
+}
+
+static bool sleeps(struct bb_frame_loop *l, int64_t scheduled_ns)
+{
+	if (!l->world || !sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l)))
+		return false;
+	l->due_ns = l->due_ns ? l->due_ns : scheduled_ns;
+	return true;
+}
+
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
@@ -79,6 +112,10 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 		bb_clock_stop(l->clk);
 		return BB_NEVER;
 	}
+	if (sleeps(l, scheduled_ns))
+		return scheduled_ns + l->frame_ns;
+	note_gap(l, l->due_ns ? l->due_ns : scheduled_ns, now_ns);
+	l->due_ns = 0;
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
 	if (l->n_frames >= 3)
@@ -135,9 +172,12 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	bb_barrier_open(&l->barrier, f->frame, l->drawing_nodes, now_ns);
 	if (!l->lock && bb_clock_arm(l->clk, &l->deadline, l->barrier.deadline_ns) != BB_OK)
 		bb_clock_stop(l->clk);
-	for (unsigned i = 0; i < l->room->n_nodes; i++)
-		if (l->drawing_nodes >> i & 1)
-			bb_loop_say(l, head, i, &m);
+	for (unsigned i = 0; i < l->room->n_nodes; i++) {
+		if (!(l->drawing_nodes >> i & 1))
+			continue;
+		m.quality_ppm = (int32_t)lround(l->straggler.node[i].quality * 1e6);
+		bb_loop_say(l, head, i, &m);
+	}
 	if (l->lock)
 		bb_lock_begun(l, f, now_ns);
 	return BB_NEVER;
@@ -169,6 +209,14 @@ int64_t bb_head_next_begin_ns(const struct bb_frame_loop *l, int64_t now_ns)
 	return at_ns + VBLANK_GUARD_NS;
 }
 
+/* Found by name at the first arrival, as the order of the log's sources is part of it. */
+static uint16_t barrier_source(struct bb_frame_loop *l)
+{
+	if (!l->barrier_source)
+		l->barrier_source = bb_eventlog_source(l->events, "barrier", "swap");
+	return l->barrier_source;
+}
+
 static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, uint64_t waited, int64_t now_ns)
 {
 	for (unsigned i = 0; i < l->room->n_nodes; i++) {
@@ -183,6 +231,31 @@ static void blame_late_node(struct bb_frame_loop *l, const struct bb_frame *f, u
 	}
 }
 
+/* Who is too slow draws coarser from the next frame on. */
+static void judge_stragglers(struct bb_frame_loop *l, const struct bb_frame *f, uint64_t waited, int64_t now_ns)
+{
+	for (unsigned i = 0; i < l->room->n_nodes; i++) {
+		const struct bb_node_times *t = &f->node[i];
+		if ((l->drawing_nodes & waited) >> i & 1 && t->received_ns)
+			bb_straggler_note(&l->straggler, i, (t->ready_ns ? t->ready_ns : now_ns) - t->received_ns);
+	}
+	const struct bb_straggler_verdict v = bb_straggler_decide(&l->straggler);
+	struct bb_node_machine *n = &l->nodes[v.node];
+	const double quality = l->straggler.node[v.node].quality;
+	if (v.change == BB_STRAGGLER_LOWER && !n->coarse)
+		n->coarse = 1 + bb_watch_warn(l->watch, l->node_slot[v.node], now_ns,
+		                              "STRAGGLER: frame %llu took %.1f ms of %.1f; it draws %.0f %% of its samples",
+		                              (unsigned long long)f->frame,
+		                              (double)(f->node[v.node].ready_ns - f->node[v.node].received_ns) * 1e-6,
+		                              (double)l->straggler.refresh_ns * 1e-6, quality * 100);
+	if (v.change == BB_STRAGGLER_RAISE && n->coarse && quality >= 1) {
+		bb_watch_over(l->watch, n->coarse - 1, now_ns);
+		n->coarse = 0;
+	}
+	if (v.change == BB_STRAGGLER_LOWER)
+		bb_result_count(l->result, "qualities_lowered", 1);
+}
+
 void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, uint64_t waited, int64_t now_ns)
 {
 	struct bb_frame *f = bb_loop_frame(l, r->frame);
@@ -194,7 +267,10 @@ void bb_head_note_release(struct bb_frame_loop *l, const struct bb_release *r, u
 		f->late = now_ns > f->start_ns + l->refresh_ns;
 		blame_late_node(l, f, waited, now_ns);
 	}
-	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_RELEASE, now_ns,
+	/* In one process that draws for real, one node's time is all nodes' time. */
+	if (f && (l->processes || !l->draw_everything))
+		judge_stragglers(l, f, waited, now_ns);
+	bb_eventlog_add(l->events, barrier_source(l), BB_EV_RELEASE, now_ns,
 	                (int64_t)r->frame, (int64_t)r->missing);
 	bb_ledger_mark(l->ledger, BB_TRACK_BARRIER, (uint16_t)bb_loop_head(l), now_ns, (int32_t)r->frame);
 }
@@ -231,7 +307,7 @@ void bb_head_hear(struct bb_frame_loop *l, unsigned from, const struct bb_messag
 {
 	if (m->kind != BB_MESSAGE_ARRIVE)
 		return;
-	bb_eventlog_add(l->events, bb_eventlog_source(l->events, "barrier", "swap"), BB_EV_ARRIVE, now_ns,
+	bb_eventlog_add(l->events, barrier_source(l), BB_EV_ARRIVE, now_ns,
 	                (int64_t)m->frame, from);
 	bb_barrier_arrive(&l->barrier, from, m->frame, now_ns);
 	bb_head_step_barrier(l, now_ns);

@@ -6,9 +6,11 @@
 
 #include "bench/loop/remote.h"
 #include "sync/framelock/framelock.h"
+#include "sync/lock_proof.h"
 
 #define PLAN_AHEAD 8   /* frames from a timed plan's telling to its first flip */
 #define PLAN_FRAMES 64 /* made anew: vblanks and the head's clock drift apart */
+#define PHASE_PART 100 /* of a refresh: vblanks of one group lie closer together */
 #define GUARD 32       /* part of a refresh: more than clocks and vblanks drift apart while a plan holds */
 #define DRAWN_NS (5 * BB_NS_PER_S) /* posix: all nodes draw in this one process, one after another */
 
@@ -208,4 +210,35 @@ void bb_lock_destroy(struct bb_frame_loop *l)
 		free(l->lock->nodes);
 	free(l->lock);
 	l->lock = NULL;
+}
+
+/* ---- proof ---- */
+
+static bool sample(struct bb_frame_loop *l, size_t screen, struct bb_lock_proof *p, unsigned at)
+{
+	struct bb_display *d = l->rig->displays[screen];
+	struct bb_vblank v;
+	uint64_t counter;
+
+	return d && l->room->screens[screen].display.genlock && bb_display_vblank(d, &v) == BB_OK &&
+	       bb_display_swap_counter(d, &counter) == BB_OK &&
+	       bb_lock_proof_add(p, at, counter, v.at_ns, bb_display_limits(d)->stamp_error_ns);
+}
+
+void bb_lock_prove(struct bb_frame_loop *l)
+{
+	const struct bb_rate rate = l->room->n_screens ? l->room->screens[0].display.rate : l->frame_rate;
+	struct bb_lock_proof p;
+	unsigned n = 0;
+
+	bb_lock_proof_init(&p, BB_LOCK_PROOF_DISPLAYS_MAX, rate, l->refresh_ns / PHASE_PART);
+	for (size_t i = 0; i < l->room->n_screens && n < BB_LOCK_PROOF_DISPLAYS_MAX; i++)
+		n += sample(l, i, &p, n);
+	p.n = n;
+	if (n < 2)
+		return;
+	const struct bb_lock_finding f = bb_lock_proof_judge(&p, bb_clock_now_ns(l->clk));
+	bb_result_fact(l->result, "frame_lock", "%s: %u genlocked displays, counters %lld apart, vblanks within %.1f us (+-%.1f)",
+	               bb_lock_verdict_text(f.verdict), n, (long long)f.counters_apart,
+	               (double)(f.phase_ns < 0 ? -f.phase_ns : f.phase_ns) * 1e-3, (double)f.uncertainty_ns * 1e-3);
 }

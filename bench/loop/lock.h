@@ -18,4 +18,7 @@ void bb_lock_ready(struct bb_frame_loop *l, unsigned node, uint64_t frame, int64
 /* A packet for a node: true when it was the lock's. */
 bool bb_lock_hear(struct bb_frame_loop *l, unsigned node, const struct bb_link_message *packet, int64_t now_ns);
 
+/* At the end, whatever the barrier: are the genlocked displays locked? A fact of the result. */
+void bb_lock_prove(struct bb_frame_loop *l);
+
 #endif

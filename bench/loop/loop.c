@@ -135,6 +135,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->loop = l;
 	n->index = index;
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
+	n->quality = 1;
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
 	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
@@ -265,6 +266,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++)
 		status = create_node(l, i, err);
 	bb_barrier_init(&l->barrier, (unsigned)l->room->n_nodes, bb_loop_barrier_timeout_ns(l), BARRIER_DROP_AFTER);
+	bb_straggler_init(&l->straggler, (unsigned)l->room->n_nodes, l->frame_ns);
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
@@ -403,6 +405,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
 	l->result->truncated = bb_loop_interrupted(l);
+	bb_lock_prove(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);

@@ -22,6 +22,7 @@
 #include "bench/watch.h"
 #include "sim/world.h"
 #include "sync/barrier.h"
+#include "sync/framelock/straggler.h"
 #include "sync/phase.h"
 #include "sync/track/tracker.h"
 
@@ -93,7 +94,12 @@ struct bb_node_machine { /* one node of the room */
 	bool failure_told;
 	struct bb_view *views;            /* n_screens x eyes */
 	size_t n_views;
+	struct bb_pose made_for[2];       /* what the views were made for: navigation, eyes; */
+	bool made;
+	unsigned view_flags;
 	struct bb_timer inbox, ready, hold;
+	double quality;                   /* of a draw: samples, as a share of the scene's */
+	size_t coarse;                    /* 1 + the warning that it is less than all; 0: none */
 	uint32_t *target;                 /* by screen: vblank its last image was presented for */
 	uint64_t frame;                   /* being drawn */
 	uint16_t source;                  /* in the event log */
@@ -113,7 +119,9 @@ struct bb_frame_loop {
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
 	struct bb_phase phase;
 	struct bb_barrier barrier;
+	struct bb_straggler straggler;
 	struct bb_loop_lock *lock;        /* bench/loop/lock.h; NULL: the head keeps the barrier */
+	uint16_t barrier_source;          /* in the event log; 0: not asked yet */
 	struct bb_pictures *pictures;     /* NULL: none wanted */
 	struct bb_renderer *renderer;     /* posix: every frame; virtual: pictures only */
 	const struct bb_bricks *bricks;
@@ -149,6 +157,7 @@ struct bb_frame_loop {
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
 	uint32_t *camera_seq;
 	int64_t turn_ns;                  /* when the devices were read last */
+	int64_t due_ns;                   /* a suspended head: when its next frame was due; 0: it is awake */
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
@@ -182,7 +191,7 @@ struct bb_message {
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
 	double steps, ahead[BB_AHEAD];
-	int32_t way, none;
+	int32_t way, quality_ppm; /* of the draw: 1e6 is all */
 };
 
 /* Between the loop's files. */

@@ -14,6 +14,27 @@ static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_
 		                    bb_pose_apply(by, c->upper_left) };
 }
 
+static unsigned make_screen(struct bb_node_machine *n, size_t s, const struct bb_pose *navigation,
+                            const struct bb_vec3 eye[2], struct bb_vec3 fallback)
+{
+	const struct bb_frame_loop *l = n->loop;
+	const struct bb_corners c = move_corners(navigation, &l->room->screens[n->screens[s]].corners);
+	unsigned flags = 0;
+
+	for (unsigned e = 0; e < l->n_eyes; e++) {
+		struct bb_view *v = &n->views[s * l->n_eyes + e];
+		*v = bb_view_make(&c, eye[e], fallback, NEAR_M, FAR_M);
+		flags |= v->flags;
+	}
+	return flags;
+}
+
+static bool same_pose(const struct bb_pose *a, const struct bb_pose *b)
+{
+	return a->p.x == b->p.x && a->p.y == b->p.y && a->p.z == b->p.z && a->q.w == b->q.w && a->q.x == b->q.x &&
+	       a->q.y == b->q.y && a->q.z == b->q.z;
+}
+
 /* Views of every screen for every eye; navigation carries the room through the world like a vehicle. */
 static void make_views(struct bb_node_machine *n, const struct bb_message *m, struct bb_frame *f)
 {
@@ -22,18 +43,20 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	const struct bb_vec3 fallback = bb_pose_apply(&m->navigation, l->room->neutral);
 	struct bb_vec3 eye[2];
 
-	bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
-	if (l->n_eyes == 1)
-		eye[0] = eyes.p;
-	for (size_t s = 0; s < n->n_screens; s++) {
-		const struct bb_corners c = move_corners(&m->navigation, &l->room->screens[n->screens[s]].corners);
-		for (unsigned e = 0; e < l->n_eyes; e++) {
-			struct bb_view *v = &n->views[s * l->n_eyes + e];
-			*v = bb_view_make(&c, eye[e], fallback, NEAR_M, FAR_M);
-			if (f)
-				f->view_flags |= v->flags;
-		}
+	/* A viewer who sits still leaves the views as they are. */
+	if (!n->made || !same_pose(&m->navigation, &n->made_for[0]) || !same_pose(&m->eyes, &n->made_for[1])) {
+		n->made_for[0] = m->navigation;
+		n->made_for[1] = m->eyes;
+		n->made = true;
+		n->view_flags = 0;
+		bb_view_eyes(&eyes, l->room->eye_separation_m, &eye[0], &eye[1]);
+		if (l->n_eyes == 1)
+			eye[0] = eyes.p;
+		for (size_t s = 0; s < n->n_screens; s++)
+			n->view_flags |= make_screen(n, s, &m->navigation, eye, fallback);
 	}
+	if (f)
+		f->view_flags |= n->view_flags;
 }
 
 static uint64_t brick_bytes(const struct bb_node_machine *n)
@@ -91,7 +114,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 	const double step_ns = l->scene->data.seconds_per_step * 1e9;
 	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
 		                               .height_px = (uint32_t)d->height_px, .step = m->steps,
-		                               .step_voxels = l->scene->data.step_voxels, .way = m->way, .ahead = m->ahead,
+		                               .step_voxels = l->scene->data.step_voxels / n->quality, .way = m->way, .ahead = m->ahead,
 		                               .n_ahead = BB_AHEAD,
 		                               .ahead_frames = (uint32_t)(step_ns / (double)l->frame_ns) + 1,
 		                               .bricks_most = bricks_in_time(n), .now_ns = bb_clock_now_ns(l->clk) };
@@ -132,7 +155,7 @@ static void draw_all(struct bb_node_machine *n)
 		const struct bb_screen *s = &l->room->screens[n->screens[v / l->n_eyes]];
 		const struct bb_layer layer = n->stream ? bb_stream_layer(n->stream) : (struct bb_layer){ 0 };
 		const struct bb_draw draw = { .view = &n->views[v], .layers = &layer, .n_layers = 1,
-			                      .step_voxels = l->scene->data.step_voxels };
+			                      .step_voxels = l->scene->data.step_voxels / n->quality };
 		struct bb_image *image = bb_loop_canvas(l, s);
 		enum bb_status status = BB_ERR_NOMEM;
 		if (image && n->stream)
@@ -172,6 +195,13 @@ static int64_t plant_ns(const struct bb_frame_loop *l, const struct bb_node_mach
 	return l->options->plant_draw_ns + (l->world ? sim_world_node_delay_ns(l->world, n->index, now_ns) : 0);
 }
 
+static int64_t dragged_ns(const struct bb_node_machine *n)
+{
+	const int64_t ppm = n->loop->world ? sim_world_node_drag_ppm(n->loop->world, n->index) : 0;
+
+	return (int64_t)((double)n->draw_ns * (double)ppm * 1e-6);
+}
+
 static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
 {
 	struct bb_frame_loop *l = n->loop;
@@ -182,13 +212,14 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	if (l->lock && n->ready.slot)
 		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
 	n->frame = m->frame;
+	n->quality = m->quality_ppm > 0 ? m->quality_ppm * 1e-6 : 1;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
 	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.arrived,
 	                                 c.arrived * brick_bytes(n)) - n->draw_ns;
 	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn) + n->load_ns;
-	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns;
+	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns + dragged_ns(n);
 	if (l->draw_everything) {
 		selected_ns = bb_clock_now_ns(l->clk);
 		n->load_ns = c.loaded || c.arrived ? selected_ns - now_ns : 0;

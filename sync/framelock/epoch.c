@@ -3,8 +3,6 @@
 
 #include <string.h>
 
-#define RESTARTED_FRAMES 8 /* a member that asks to join so late in its epoch has started anew */
-
 /* The master, or after it was given up the next in the epoch's order. */
 uint16_t lock_roll_master(const struct bb_framelock *f)
 {
@@ -304,19 +302,12 @@ void lock_hear_join(struct bb_framelock *f, uint16_t from, const struct bb_lock_
 		gather(f, from, m->frame, now_ns);
 	if (f->state != BB_LOCK_IN)
 		return;
-	const bool is_member = bb_lock_set_has(&f->members, from);
-	if (m->round || f->master != f->c.self || (f->next.any && bb_lock_set_has(&f->next.members, from))) {
+	/* A member that asks has started anew: told of the epoch it draws with the others again. */
+	if (m->round || f->master != f->c.self || bb_lock_set_has(&f->members, from) ||
+	    (f->next.any && bb_lock_set_has(&f->next.members, from)))
 		lock_send_epoch(f, from);
-	} else if (!is_member) {
+	else
 		bb_lock_set_put(&f->wanted, from, true);
-	} else if (f->frame < f->epoch_from + RESTARTED_FRAMES) {
-		lock_send_epoch(f, from);
-	} else {
-		struct bb_lock_set with = f->members;
-		bb_lock_set_put(&with, from, false);
-		bb_lock_set_put(&f->wanted, from, true);
-		lock_go_on(f, &with, f->frame, now_ns);
-	}
 }
 
 /* Only who is outside may be told to stay there. */

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#define FILL 0.85     /* of a frame's time that is aimed at: the rest is for the barrier and for luck */
+#define FILL 0.8      /* of a frame's time that is aimed at: the rest is for the barrier and for luck */
 #define STEP 1.15     /* a quality is raised by so much at a time */
 #define WAIT_FRAMES 2 /* one frame is being drawn as it was, one may have begun */
 
@@ -60,13 +60,26 @@ static void set_quality(struct bb_straggler_node *n, double quality)
 	n->most_ns = 0;
 }
 
+/* The quality at which a frame should take want_ns: in proportion at first; lowered again, by what the last time did, as
+ * not all of a draw shrinks with its samples. At least a fifth less. */
+static double fitting(const struct bb_straggler_node *n, int64_t took_ns, double want_ns)
+{
+	const double per_quality = (double)(n->was_ns - took_ns) / (n->was_quality - n->quality);
+	double fits = n->quality * want_ns / (double)took_ns;
+
+	if (n->was_quality > n->quality && per_quality > 0)
+		fits = n->quality - ((double)took_ns - want_ns) / per_quality;
+	return fits < 0.8 * n->quality ? fits : 0.8 * n->quality;
+}
+
 /* Late: a quality that fits, or, when there is none, a frame more for everybody. */
 static enum bb_straggler_change relieve(struct bb_straggler *s, struct bb_straggler_node *n, int64_t took_ns)
 {
-	const double fits = n->quality * FILL * (double)budget_ns(s, s->every) / (double)took_ns;
-
 	if (n->quality > BB_STRAGGLER_QUALITY_LEAST) {
-		set_quality(n, fits);
+		const double lower = fitting(n, took_ns, FILL * (double)budget_ns(s, s->every));
+		n->was_quality = n->quality;
+		n->was_ns = took_ns;
+		set_quality(n, lower);
 		return BB_STRAGGLER_LOWER;
 	}
 	if (s->every == BB_STRAGGLER_EVERY_MOST)
@@ -89,6 +102,7 @@ static enum bb_straggler_change restore(struct bb_straggler *s, struct bb_stragg
 	if (++n->good < BB_STRAGGLER_RECOVER)
 		return BB_STRAGGLER_NONE;
 	set_quality(n, n->quality * STEP);
+	n->was_quality = 0;
 	return BB_STRAGGLER_RAISE;
 }
 

@@ -20,6 +20,8 @@ struct bb_straggler_node {
 	unsigned n, wait;            /* of those; frames until a new quality shows */
 	unsigned good;               /* frames in a row that would have fitted a little more */
 	int64_t most_ns;             /* of those */
+	double was_quality;          /* before the last time it was lowered, and what a frame took then; 0: never */
+	int64_t was_ns;
 };
 
 struct bb_straggler {
