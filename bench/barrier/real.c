@@ -357,7 +357,7 @@ static void run_row(struct bb_real_table *t, struct bb_real_row *row, struct rea
 		run_ours(t, row, easel);
 	end_all(burner, n_burners);
 	const struct bb_real_row *alone = find(t, BB_REAL_NONE, BB_REAL_DRAWING, row->n);
-	if (row->load == BB_REAL_DRAWING && row->rounds && alone)
+	if (row->load == BB_REAL_DRAWING && row->method != BB_REAL_NONE && row->rounds && alone)
 		row->lost_us = row->frame_us - alone->frame_us;
 }
 
