@@ -86,7 +86,7 @@ void bb_framelock_restart(struct bb_framelock *f)
 	f->state = BB_LOCK_OUT;
 	f->master = f->join_to = f->c.master;
 	f->opened_ns = BB_NEVER;
-	f->join_ns = f->ping_ns = INT64_MIN; /* at once */
+	f->join_ns = f->ping_ns = f->beacon_ns = INT64_MIN; /* at once */
 	f->master_ns = BB_NEVER;
 	if (f->fit)
 		bb_clockfit_init(f->fit, f->c.window);
@@ -176,7 +176,7 @@ void bb_framelock_hear(struct bb_framelock *f, uint16_t from, const void *bytes,
 	case BB_LOCK_RELEASE:
 	case BB_LOCK_NUDGE:
 	case BB_LOCK_ROLL:
-		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || !bb_lock_set_has(&f->members, from))
+		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || m.master != f->master || !bb_lock_set_has(&f->members, from))
 			hear_foreign(f, from, &m);
 		else
 			hear_member(f, from, &m, now_ns);

@@ -59,7 +59,7 @@ struct bb_framelock {
 	int64_t opened_ns;          /* the first of them came; BB_NEVER: none yet */
 	unsigned attempt;           /* how many masters have been given up in vain */
 	int64_t master_ns;          /* when the present one will be */
-	int64_t join_ns;            /* when to ask again */
+	int64_t join_ns, beacon_ns; /* when to ask, to tell again */
 	uint16_t join_to;
 
 	struct lock_plan plan[LOCK_PLANS]; /* timed: newest last */
