@@ -143,8 +143,8 @@ static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct b
 	row->head_to_photon_ms = (double)(photon - f->mid_exposure_ns) * 1e-6;
 	row->pose_age_ms = (double)(f->start_ns - f->mid_exposure_ns) * 1e-6;
 	/* The stamps it is made of: a camera's mid-exposure and a display's vblank. */
-	const double u_ms = (double)(bb_display_limits(l->rig->displays[f->last_flip_screen])->stamp_error_ns +
-	                             l->camera_map[0].uncertainty_ns) * 1e-6;
+	const double u_ms = ((double)bb_display_limits(l->rig->displays[f->last_flip_screen])->stamp_error_ns +
+	                     (double)l->camera_map[0].uncertainty_ns) * 1e-6; /* as much as can be before the first pair */
 	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(from, to));
 }
 

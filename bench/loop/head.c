@@ -114,12 +114,12 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	}
 	if (sleeps(l, scheduled_ns))
 		return scheduled_ns + l->frame_ns;
-	note_gap(l, l->due_ns ? l->due_ns : scheduled_ns, now_ns);
-	l->due_ns = 0;
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		bb_node_flips(l, &l->nodes[i]);
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
+	note_gap(l, l->due_ns ? l->due_ns : scheduled_ns, now_ns);
+	l->due_ns = 0;
 	struct bb_frame *f = open_frame(l, now_ns);
 	bb_remote_woke(l, scheduled_ns, now_ns);
 	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;
