@@ -57,4 +57,21 @@ check "several processes keep to the central barrier" sh -c "[ $code = 2 ] && gr
 sed "s/^link:/framelock: {barrier: hope}\nlink:/" rooms/cabin.yaml >"$work/hope.yaml"
 "$program" room check "$work/hope.yaml" >"$work/out" 2>&1
 check "another word is refused" [ $? = 2 ]
+
+# The bake-off.
+bake() {
+	"$program" bench barrier --simulated --endpoints 2,6 --loss 0,10 --frames 50 --json "$@"
+}
+bake --png "$work/bake.png" >"$work/bake.json" && bake >"$work/again.json"
+check "bench barrier: the same twice" cmp -s "$work/bake.json" "$work/again.json"
+check "bench barrier: a picture" [ -s "$work/bake.png" ]
+bake --seed 8 >"$work/other.json"
+check "bench barrier: another seed, other numbers" sh -c "! cmp -s '$work/bake.json' '$work/other.json'"
+check "bench barrier: six nodes within the bars" holds bake \
+	'all(x["skew_us"]["p99"] <= {"central": 300, "timed": 20}.get(x["method"], 500) for x in r["simulated"]["rows"] if not x["loss_percent"])'
+for bad in "--endpoints 1" "--endpoints 2,x" "--endpoints 2,513" "--loss 51" "--loss nan" "--frames 9"; do
+	# shellcheck disable=SC2086
+	"$program" bench barrier --simulated $bad >"$work/out" 2>"$work/err"
+	check "bench barrier: refused with a number: $bad" [ $? = 2 ]
+done
 finish

@@ -480,6 +480,55 @@ static void the_larger_side_goes_on_and_the_other_freezes(void **state)
 		}
 }
 
+/* Ten seconds of partitions, loss and a node that dies and starts anew, in any order; then peace: all are back. */
+static void after_any_chaos_all_are_back(void **state)
+{
+	(void)state;
+
+	for (int m = 0; m < BB_LOCK_METHODS; m++)
+		for (uint64_t seed = 1; seed <= 12; seed++) {
+			struct watch s;
+			struct bb_troupe_config c = usual((enum bb_lock_method)m, N, 100);
+			struct sim_rng r;
+			bool dead[N] = { false };
+			c.seed = seed;
+			begin(&s, c);
+			sim_rng_seed(&r, seed, "chaos", "framelock");
+			for (int k = 0; k < 60; k++) {
+				const unsigned node = (unsigned)(sim_rng_u64(&r) % N), mortal = N - 1;
+				const double dice = sim_rng_uniform(&r);
+				bb_troupe_run_for(s.w, (int64_t)(sim_rng_uniform(&r) * 2 * 1e9 / 6));
+				if (dice < 0.3 && dead[mortal]) {
+					bb_troupe_revive(s.w, mortal);
+					dead[mortal] = false;
+				} else if (dice < 0.5) {
+					bb_troupe_kill(s.w, mortal);
+					dead[mortal] = true;
+				} else if (dice < 0.8) {
+					bb_troupe_cut(s.w, node, (unsigned)(sim_rng_u64(&r) % 3));
+				} else {
+					bb_troupe_loss(s.w, dice < 0.9 ? 0.3 : 0);
+				}
+			}
+			bb_troupe_loss(s.w, 0);
+			for (unsigned i = 0; i < N; i++) {
+				bb_troupe_cut(s.w, i, 0);
+				if (dead[i])
+					bb_troupe_revive(s.w, i);
+			}
+			bb_troupe_run_for(s.w, 5 * SECOND);
+			const uint64_t at = s.last_frame[0];
+			bb_troupe_run_for(s.w, SECOND);
+			for (unsigned i = 0; i < N; i++)
+				if (state_of(&s, i) != BB_LOCK_IN || members_of(&s, i) != N || s.last_frame[i] < at + 50 ||
+				    bb_framelock_master(bb_troupe_lock(s.w, i)) != bb_framelock_master(bb_troupe_lock(s.w, 0)))
+					fail_msg("method %d, seed %d: node %u in state %d, master %u, %u members, frame %llu of %llu", m,
+					         (int)seed, i, (int)state_of(&s, i), bb_framelock_master(bb_troupe_lock(s.w, i)),
+					         members_of(&s, i), (unsigned long long)s.last_frame[i], (unsigned long long)at);
+			bb_troupe_destroy(s.w);
+		}
+}
+
 /* ---- joining ---- */
 
 static void who_is_alone_at_first_is_joined_by_all(void **state)
@@ -620,6 +669,7 @@ int main(void)
 		cmocka_unit_test(a_program_that_starts_anew_before_it_was_missed_is_let_in),
 		cmocka_unit_test(a_dead_master_is_followed_by_the_next_in_order),
 		cmocka_unit_test(the_larger_side_goes_on_and_the_other_freezes),
+		cmocka_unit_test(after_any_chaos_all_are_back),
 		cmocka_unit_test(who_is_alone_at_first_is_joined_by_all),
 		cmocka_unit_test(another_version_or_configuration_is_refused),
 		cmocka_unit_test(a_slow_node_draws_coarser_and_the_wall_is_back_at_full_rate),

@@ -81,7 +81,7 @@ static bool rounds(struct real_place *p, const struct bb_real_table *t, struct r
 {
 	struct real_shared *s = p->shared;
 	double cpu_before_s = 0;
-	int64_t start_ns = 0;
+	int64_t start_ns = 0, frame_ns = bb_clock_stopwatch_ns();
 
 	for (uint64_t round = 0;; round++) {
 		if (round == WARM_ROUNDS) {
@@ -97,8 +97,11 @@ static bool rounds(struct real_place *p, const struct bb_real_table *t, struct r
 		if (!wait_for_all(p))
 			return false;
 		const int64_t after_ns = bb_clock_stopwatch_ns();
-		if (!p->rank && round >= WARM_ROUNDS && round - WARM_ROUNDS < REAL_ROUNDS_MOST)
+		if (!p->rank && round >= WARM_ROUNDS && round - WARM_ROUNDS < REAL_ROUNDS_MOST) {
 			s->took_us[round - WARM_ROUNDS] = (float)((double)(after_ns - before_ns) * 1e-3);
+			s->frame_us[round - WARM_ROUNDS] = (float)((double)(after_ns - frame_ns) * 1e-3);
+		}
+		frame_ns = after_ns;
 		if (!p->rank && round == WARM_ROUNDS + REAL_ROUNDS_MOST - 2)
 			atomic_store(&s->last_round, round + 1);
 		if (round < atomic_load(&s->last_round))
@@ -213,6 +216,7 @@ static bool play_all(const struct bb_real_table *t, const struct bb_real_row *ro
 
 static void gather(struct bb_real_row *row, const struct real_shared *s)
 {
+	const double cores = (double)sysconf(_SC_NPROCESSORS_ONLN);
 	double *took_us = calloc(s->rounds + 1, sizeof(*took_us)), cpu = 0;
 
 	if (!took_us || !s->rounds) {
@@ -229,9 +233,14 @@ static void gather(struct bb_real_row *row, const struct real_shared *s)
 	row->p99_us = bb_stats_nearest_rank(took_us, s->rounds, 0.99);
 	row->max_us = took_us[s->rounds - 1];
 	row->cpu_s = cpu * 1e4 / (double)s->rounds;
-	row->frame_us = row->load == BB_REAL_DRAWING ? s->elapsed_s * 1e6 / (double)s->rounds : 0;
-	if (row->method == BB_REAL_NONE) /* what the cores could do: its own picture's time, shared by as many as there are */
-		row->frame_us = s->cpu_s[0] * 1e6 / (double)s->rounds * fmax(1, (double)row->n / (double)sysconf(_SC_NPROCESSORS_ONLN));
+	for (uint64_t i = 0; i < s->rounds; i++)
+		took_us[i] = (double)s->frame_us[i];
+	bb_stats_sort(took_us, s->rounds);
+	row->frame_us = row->load == BB_REAL_DRAWING ? bb_stats_nearest_rank(took_us, s->rounds, 0.5) : 0;
+	if (row->method == BB_REAL_NONE) { /* what the cores could do: its own picture's time, shared by as many as there are */
+		row->frame_us = s->cpu_s[0] * 1e6 / (double)s->rounds * fmax(1, row->n / cores);
+		row->lost_us = fmax(0, s->elapsed_s * 1e6 / (double)s->rounds - row->frame_us);
+	}
 	free(took_us);
 }
 
@@ -348,7 +357,7 @@ static void run_row(struct bb_real_table *t, struct bb_real_row *row, struct rea
 		run_ours(t, row, easel);
 	end_all(burner, n_burners);
 	const struct bb_real_row *alone = find(t, BB_REAL_NONE, BB_REAL_DRAWING, row->n);
-	if (row->load == BB_REAL_DRAWING && row->rounds && alone)
+	if (row->load == BB_REAL_DRAWING && row->method != BB_REAL_NONE && row->rounds && alone)
 		row->lost_us = row->frame_us - alone->frame_us;
 }
 

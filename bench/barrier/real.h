@@ -4,7 +4,7 @@
  *
  *   idle     barriers back to back, nothing else runs: what one call takes on rank 0
  *   busy     the same while a ray caster keeps every core busy
- *   drawing  every process casts a small picture, then waits for the others: how much longer a frame takes than the
+ *   drawing  every process casts a small picture, then waits for the others: how much longer the frame in the middle takes than the
  *            pictures of all do on as many cores as there are
  *
  * MPI_Barrier is a peer: a program of its own, run by mpirun where there is one. Real time, so never the same twice: the
@@ -49,7 +49,7 @@ struct bb_real_row {
 	char skipped[80];
 	double p50_us, p99_us, max_us; /* of a barrier, on rank 0 */
 	double cpu_s;                 /* of all processes, for 10^4 barriers; drawing: pictures included */
-	double frame_us, lost_us;     /* drawing: mean frame; what of it the barrier took */
+	double frame_us, lost_us;     /* drawing: the frame in the middle; what of it the barrier took; "none": what others took */
 };
 
 struct bb_real_table {
@@ -67,6 +67,8 @@ BB_MUST_CHECK enum bb_status bb_barrier_real(struct bb_real_table *t, struct bb_
 void bb_barrier_real_release(struct bb_real_table *t);
 const struct bb_real_row *bb_barrier_real_row(const struct bb_real_table *t, enum bb_real_method m, enum bb_real_load load,
                                               unsigned n);
+/* The share of its cores that other programs had meanwhile, as far as the processes that wait for nobody noticed. */
+double bb_barrier_real_disturbed(const struct bb_real_table *t);
 void bb_barrier_real_print(const struct bb_real_table *t, FILE *out);
 json_t *bb_barrier_real_json(const struct bb_real_table *t);
 const char *bb_real_method_text(enum bb_real_method m);

@@ -20,9 +20,10 @@ struct real_shared { /* memory of all processes of a row; each counter on a line
 	char address[128];
 	uint8_t secret[32];
 	uint64_t rounds;                      /* of rank 0, */
-	double elapsed_s;
 	double cpu_s[BB_REAL_SIZE_MOST];
-	float took_us[REAL_ROUNDS_MOST];      /* and how long each was */
+	double elapsed_s;
+	float took_us[REAL_ROUNDS_MOST];      /* how long each barrier was, */
+	float frame_us[REAL_ROUNDS_MOST];     /* and each frame, barrier and picture */
 };
 
 struct real_place { /* of one process in a row */

@@ -8,9 +8,10 @@
 #include <unistd.h>
 
 #define PAUSES 200
-#define LOOKS 2000             /* before the first yield, when every process has a core */
+#define LOOKS 100              /* before a yield, when every process has a core: a few us */
 #define YIELD_MOST_NS 50000    /* what took longer did not pay: a core was given to somebody who kept it */
-#define PATIENCE_LEAST 64      /* barriers at which it only sleeps, after yielding did not pay; doubled each time */
+#define PATIENCE_LEAST 16      /* barriers at which it only sleeps, after yielding did not pay; doubled each time, */
+#define PATIENCE_EASES 64      /* and less by this part each time it does pay */
 #define PATIENCE_MOST 4096
 
 static void pause_a_little(void)
@@ -76,7 +77,8 @@ static void adapt(struct real_place *p, uint32_t turn)
 		in_time = bb_clock_stopwatch_ns() < end_ns;
 	}
 	if (here && in_time) {
-		p->patience = PATIENCE_LEAST;
+		p->patience -= p->patience / PATIENCE_EASES;
+		p->patience = p->patience > PATIENCE_LEAST ? p->patience : PATIENCE_LEAST;
 		return;
 	}
 	p->shy = p->patience;

@@ -19,7 +19,7 @@ static void print_load(const struct bb_real_table *t, enum bb_real_load load, FI
 		if (!r->rounds)
 			fprintf(out, "SKIP: %s\n", r->skipped);
 		else if (r->method == BB_REAL_NONE)
-			fprintf(out, "%9s %9s %9s %11.3f %9.0f\n", "-", "-", "-", r->cpu_s, r->frame_us);
+			fprintf(out, "%9s %9s %9s %11.3f %9.0f %9s\n", "-", "-", "-", r->cpu_s, r->frame_us, "-");
 		else if (drawing)
 			fprintf(out, "%9.1f %9.1f %9.1f %11.3f %9.0f %9.0f\n", r->p50_us, r->p99_us, r->max_us, r->cpu_s,
 			        r->frame_us, r->lost_us);
@@ -48,8 +48,24 @@ static enum bb_real_method least_lost(const struct bb_real_table *t)
 	return best;
 }
 
+double bb_barrier_real_disturbed(const struct bb_real_table *t)
+{
+	double share = 0;
+
+	for (size_t k = 0; k < t->n_sizes; k++) {
+		const struct bb_real_row *r = bb_barrier_real_row(t, BB_REAL_NONE, BB_REAL_DRAWING, t->sizes[k]);
+		if (r && r->rounds)
+			share += r->lost_us / (r->lost_us + r->frame_us) / (double)t->n_sizes;
+	}
+	return share;
+}
+
 static void conclude(const struct bb_real_table *t, FILE *out)
 {
+	const double disturbed = bb_barrier_real_disturbed(t);
+
+	if (disturbed > 0.1)
+		fprintf(out, "\nother programs had %.0f %% of the cores: read the middle, not the tail, and no frame\n", 100 * disturbed);
 	fprintf(out, "\nthe barrier that loses least of a frame: %s\n", bb_real_method_text(least_lost(t)));
 	for (size_t k = 0; k < t->n_sizes; k++) {
 		const struct bb_real_row *mpi = bb_barrier_real_row(t, BB_REAL_MPI, BB_REAL_IDLE, t->sizes[k]);
@@ -96,6 +112,6 @@ json_t *bb_barrier_real_json(const struct bb_real_table *t)
 		}
 		json_array_append_new(rows, row);
 	}
-	return json_pack("{s:f, s:s, s:o}", "seconds_a_row", t->seconds, "least_lost", bb_real_method_text(least_lost(t)), "rows",
+	return json_pack("{s:f, s:f, s:s, s:o}", "disturbed", bb_barrier_real_disturbed(t), "seconds_a_row", t->seconds, "least_lost", bb_real_method_text(least_lost(t)), "rows",
 	                 rows);
 }

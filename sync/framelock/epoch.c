@@ -3,6 +3,8 @@
 
 #include <string.h>
 
+#define BEACON 8 /* times a stall */
+
 /* The master, or after it was given up the next in the epoch's order. */
 uint16_t lock_roll_master(const struct bb_framelock *f)
 {
@@ -55,7 +57,7 @@ static void begin(struct bb_framelock *f, uint32_t epoch, uint16_t master, const
 	take_master(f, master);
 	f->members = *members;
 	f->state = bb_lock_set_has(members, f->c.self) ? BB_LOCK_IN : BB_LOCK_OUT;
-	f->join_ns = now_ns;
+	f->join_ns = f->beacon_ns = now_ns;
 	if (f->c.master_ns != BB_NEVER)
 		f->master_ns = now_ns + f->c.master_ns;
 	if (f->next.any && f->next.epoch <= epoch)
@@ -91,15 +93,23 @@ void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t 
 	begin(f, epoch, f->c.self, with, now_ns);
 }
 
+/* Two sides may have counted on alone: of equal numbers the lower master's counts. */
+static bool supersedes(const struct bb_lock_message *m, const struct bb_framelock *f)
+{
+	if (m->epoch != f->epoch || m->master == f->master)
+		return m->epoch > f->epoch;
+	return f->state != BB_LOCK_IN || m->master < f->master;
+}
+
 void lock_hear_epoch(struct bb_framelock *f, const struct bb_lock_message *m, int64_t now_ns)
 {
 	const bool was_in = f->state == BB_LOCK_IN, is_in = bb_lock_set_has(&m->u.epoch.members, f->c.self);
 
-	if (m->epoch <= f->epoch)
+	if (!supersedes(m, f))
 		return;
 	if (was_in && m->frame > f->frame && !lock_planned(f, f->frame))
 		lock_release(f, m->frame - 1, now_ns);
-	if (m->epoch <= f->epoch || (f->next.any && m->epoch == f->next.epoch))
+	if (!supersedes(m, f) || (f->next.any && m->epoch == f->next.epoch && m->master == f->next.master))
 		return;
 	if (was_in && is_in && m->u.epoch.from > f->frame) {
 		f->next.any = true;
@@ -119,10 +129,13 @@ void lock_hear_epoch(struct bb_framelock *f, const struct bb_lock_message *m, in
 
 /* ---- roll call ---- */
 
-/* More than half of the epoch may go on, or half of it with the master. */
+/* More than half of the epoch may go on, or half of it with the master; a master that nobody can follow always. */
 static bool majority(const struct bb_framelock *f, const struct bb_lock_set *with)
 {
 	const unsigned n = 2 * bb_lock_set_count(with);
+
+	if (f->c.master_ns == BB_NEVER && f->master == f->c.self)
+		return true;
 
 	return n > f->n_members || (n == f->n_members && bb_lock_set_has(with, f->master));
 }
@@ -131,6 +144,7 @@ static void freeze(struct bb_framelock *f, int64_t now_ns)
 {
 	f->state = BB_LOCK_FROZEN;
 	f->join_ns = now_ns;
+	f->next.any = false;
 	f->wanted = (struct bb_lock_set){ { 0 } };
 }
 
@@ -227,10 +241,26 @@ static bool outside(const struct bb_framelock *f)
 	return f->state == BB_LOCK_OUT || f->state == BB_LOCK_FROZEN;
 }
 
+/* The master tells those who do not take part that there is an epoch: they, too, may think that they are one. */
+static int64_t beacon_ns(const struct bb_framelock *f)
+{
+	return f->state == BB_LOCK_IN && f->master == f->c.self && f->n_members < f->c.n_nodes ? f->beacon_ns : BB_NEVER;
+}
+
+static void beacon(struct bb_framelock *f, int64_t now_ns)
+{
+	f->beacon_ns = now_ns + BEACON * f->c.stall_ns;
+	for (uint16_t i = 0; i < f->c.n_nodes; i++)
+		if (!bb_lock_set_has(&f->members, i))
+			lock_send_epoch(f, i);
+}
+
 void lock_roll_step(struct bb_framelock *f, int64_t now_ns)
 {
 	if (outside(f))
 		ask_to_join(f, now_ns);
+	if (now_ns >= beacon_ns(f))
+		beacon(f, now_ns);
 	if (now_ns >= report_ns(f))
 		report(f, now_ns);
 	if (now_ns >= give_up_master_ns(f))
@@ -245,7 +275,7 @@ void lock_roll_step(struct bb_framelock *f, int64_t now_ns)
 int64_t lock_roll_wake(const struct bb_framelock *f)
 {
 	int64_t wake_ns = outside(f) ? f->join_ns : BB_NEVER;
-	const int64_t due_ns[] = { report_ns(f), give_up_master_ns(f),
+	const int64_t due_ns[] = { report_ns(f), give_up_master_ns(f), beacon_ns(f),
 		                   keeps_roll(f) ? f->opened_ns + patience_ns(f) : BB_NEVER };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(due_ns); i++)

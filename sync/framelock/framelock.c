@@ -86,7 +86,7 @@ void bb_framelock_restart(struct bb_framelock *f)
 	f->state = BB_LOCK_OUT;
 	f->master = f->join_to = f->c.master;
 	f->opened_ns = BB_NEVER;
-	f->join_ns = f->ping_ns = INT64_MIN; /* at once */
+	f->join_ns = f->ping_ns = f->beacon_ns = INT64_MIN; /* at once */
 	f->master_ns = BB_NEVER;
 	if (f->fit)
 		bb_clockfit_init(f->fit, f->c.window);
@@ -176,7 +176,7 @@ void bb_framelock_hear(struct bb_framelock *f, uint16_t from, const void *bytes,
 	case BB_LOCK_RELEASE:
 	case BB_LOCK_NUDGE:
 	case BB_LOCK_ROLL:
-		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || !bb_lock_set_has(&f->members, from))
+		if (f->state != BB_LOCK_IN || m.epoch != f->epoch || m.master != f->master || !bb_lock_set_has(&f->members, from))
 			hear_foreign(f, from, &m);
 		else
 			hear_member(f, from, &m, now_ns);
@@ -301,6 +301,10 @@ void lock_begin_epoch(struct bb_framelock *f, int64_t now_ns)
 	f->opened_ns = BB_NEVER;
 	f->epoch_from = f->frame;
 	f->counts.epochs++;
+	if (f->state == BB_LOCK_IN && !f->ready && f->drawn > f->frame) { /* while it was outside, or elsewhere */
+		f->ready = true;
+		f->ready_ns = f->rolled_ns = now_ns;
+	}
 	if (f->state != BB_LOCK_IN || !f->ready)
 		return;
 	lock_note(f, f->c.self, f->frame, now_ns);
@@ -310,6 +314,7 @@ void lock_begin_epoch(struct bb_framelock *f, int64_t now_ns)
 
 void bb_framelock_ready(struct bb_framelock *f, uint64_t frame, int64_t now_ns)
 {
+	f->drawn = frame + 1;
 	if (f->state != BB_LOCK_IN || frame < f->frame || (f->ready && frame == f->frame))
 		return;
 	if (frame > f->frame) { /* frames between were never asked for */

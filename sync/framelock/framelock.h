@@ -55,7 +55,7 @@ struct bb_lock_config {
 	int64_t retry_ns;               /* what has had no effect for this long is sent again */
 	int64_t stall_ns;               /* waited for so long: report to the master (roll call) */
 	int64_t give_up_ns;             /* the master's patience with a frame */
-	int64_t master_ns;              /* everybody's with the master; BB_NEVER: nobody else can be it */
+	int64_t master_ns;              /* everybody's with the master; BB_NEVER: nobody else can be it, and it never freezes */
 	int64_t ping_ns;                /* timed: between questions for the master's clock */
 	unsigned window;                /* timed: exchanges the clock is estimated from; 0: as sync/exchange.h */
 	uint32_t version;               /* 0: BB_LOCK_VERSION */

@@ -48,6 +48,7 @@ struct bb_framelock {
 
 	uint64_t frame;             /* the next to be released */
 	bool ready;                 /* this node has drawn it */
+	uint64_t drawn;             /* newest frame + 1 that it has drawn, whether anybody asked or not */
 	int64_t ready_ns, sent_ns, rolled_ns;
 	unsigned round;             /* dissemination: signals waited for */
 	uint64_t signal[LOCK_SIGNALS]; /* newest frame + 1 signalled: by round, or by child */
@@ -59,7 +60,7 @@ struct bb_framelock {
 	int64_t opened_ns;          /* the first of them came; BB_NEVER: none yet */
 	unsigned attempt;           /* how many masters have been given up in vain */
 	int64_t master_ns;          /* when the present one will be */
-	int64_t join_ns;            /* when to ask again */
+	int64_t join_ns, beacon_ns; /* when to ask, to tell again */
 	uint16_t join_to;
 
 	struct lock_plan plan[LOCK_PLANS]; /* timed: newest last */
