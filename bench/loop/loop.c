@@ -208,6 +208,8 @@ static void take_slots(struct bb_frame_loop *l)
 			l->gamepad_slot[i] = bb_watch_slot(l->watch, "gamepad", l->room->gamepads[i].id);
 	for (size_t i = 0; i < l->room->n_nodes; i++)
 		l->node_slot[i] = bb_watch_slot(l->watch, "node", l->room->nodes[i].id);
+	for (size_t i = 0; l->processes && i < l->room->n_nodes; i++)
+		l->gone_slot[i] = bb_watch_slot(l->watch, "node", l->room->nodes[i].id);
 	for (size_t i = 0; i < l->room->n_screens; i++)
 		if (l->rig->displays[i])
 			l->display_slot[i] = bb_watch_slot(l->watch, "display", l->room->screens[i].id);

@@ -168,6 +168,7 @@ struct bb_frame_loop {
 
 	struct bb_nodes *processes;       /* NULL: all nodes are played in this process */
 	uint64_t ready_processes;         /* bits */
+	size_t gone_slot[BB_NODES_MAX];   /* "node/<id>" once more: late is one thing, dead another */
 	struct bb_timer beat, look_after; /* bench/loop/remote.c */
 	int64_t late_ns, left_ns;         /* the latest beat; when the left eye of the frame under way should see it */
 	int64_t usual_ns;                 /* what the slowest node took lately, falling by an eighth a frame; 0: not known */

@@ -145,7 +145,7 @@ static void miss(struct bb_frame_loop *l, const struct bb_node_loss *loss, int64
 	l->ready_processes &= ~(UINT64_C(1) << loss->process);
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (process_of(l, i) == loss->process) {
-			bb_watch_bad(l->watch, l->node_slot[i], now_ns, BB_HEALTH_LOST, "%s", loss->what);
+			bb_watch_bad(l->watch, l->gone_slot[i], now_ns, BB_HEALTH_LOST, "%s", loss->what);
 			bb_barrier_drop(&l->barrier, i);
 		}
 }
@@ -220,6 +220,7 @@ static void hear_drew(struct bb_frame_loop *l, const struct told_message *m, int
 	n->frame = m->frame;
 	n->load_ns = m->load_ns;
 	n->held_bytes = m->held_bytes;
+	bb_watch_good(l->watch, l->gone_slot[m->node], now_ns);
 	if (m->late_ns >= 0) /* of the nodes of one process the first tells */
 		sample_late(l, n->index, m->frame, now_ns, m->late_ns);
 	if (f) {
