@@ -62,7 +62,6 @@ struct bb_real_table {
 	size_t n_rows;
 };
 
-/* Errors 1680, 1681. A method that cannot run here is a row with its reason. */
 BB_MUST_CHECK enum bb_status bb_barrier_real(struct bb_real_table *t, struct bb_error *err);
 void bb_barrier_real_release(struct bb_real_table *t);
 const struct bb_real_row *bb_barrier_real_row(const struct bb_real_table *t, enum bb_real_method m, enum bb_real_load load,
