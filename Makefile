@@ -71,7 +71,8 @@ $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
 # Their short loops must be unrolled, or vectors live in memory.
-$B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o: ALL_CFLAGS += -O3
+$B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o \
+$B/render/bricks/build_emit.o $B/render/bricks/build_slab.o: ALL_CFLAGS += -O3
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
@@ -192,7 +193,7 @@ bench-gl: $B/tests/bench_gl
 soak: $B/tests/test_campaigns
 	$< 10000
 
-# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --gpu"
+# The native ray caster against VTK's and against this machine's gathers: ARGS="--json --rounds 9 --only sparse"
 bench-cast: $B/tests/bench/cast
 	@$< $(ARGS)
 

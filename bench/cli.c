@@ -295,6 +295,20 @@ bool bb_cli_numbers(const char *text, char sign, double *out, int n)
 	return true;
 }
 
+bool bb_cli_whole_numbers(const char *text, char sign, uint32_t *out, int n)
+{
+	for (int i = 0; i < n; i++) {
+		char *end;
+		if (*text < '0' || *text > '9' || strspn(text, "0123456789") > 9)
+			return false;
+		out[i] = (uint32_t)strtoul(text, &end, 10);
+		if (*end != (i + 1 < n ? sign : '\0'))
+			return false;
+		text = end + 1;
+	}
+	return true;
+}
+
 static int exit_code_of(enum bb_status status)
 {
 	switch (status) {

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "render/bricks/build.h"
+#include "render/parallel.h"
 
 #define MEMORY_BYTES (UINT64_C(512) << 20)
 
@@ -33,14 +34,13 @@ enum bb_status bb_data_build(struct bb_steps *steps, uint32_t edge, enum bb_bric
 {
 	struct bb_build_config config = { .steps = steps, .edge = edge, .pad = 1, .type = type,
 					  .memory_bytes = MEMORY_BYTES };
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	struct bb_build_report report;
 	char path[BB_PATH_MAX_BYTES];
 
 	*out = NULL;
 	snprintf(path, sizeof(path), "%.900s/data.bricks", dir);
 	config.path = path;
-	config.threads = (unsigned)(processors > 0 && processors < 64 ? processors : 1);
+	config.threads = bb_parallel_processors();
 	enum bb_status status = bb_bricks_build(&config, &report, err);
 	if (!status)
 		status = bb_bricks_open(path, out, err);

@@ -29,6 +29,10 @@ enum bb_status bb_file_begin(struct bb_file *f, const char *path, struct bb_erro
 		errno = ENAMETOOLONG;
 		return write_failed(f, err, "open");
 	}
+	if (!bb_path_may_be_replaced(path)) {
+		errno = EEXIST;
+		return write_failed(f, err, "no regular file");
+	}
 	snprintf(f->part, sizeof(f->part), "%s.%ld.part", f->path, (long)getpid());
 	unlink(f->part); /* left by a process that was killed and had this number */
 	fd = open(f->part, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);

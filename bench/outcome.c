@@ -245,7 +245,10 @@ static void gather_facts(const struct bb_outcome_sources *s, struct bb_run_resul
 	if (s->renderer)
 		bb_result_fact(r, "gl", "%s", bb_renderer_description(s->renderer));
 	bb_result_fact(r, "bring_up_s", "%.3f", (double)s->bring_up_ns * 1e-9);
-	bb_result_fact(r, "psnr_against", "the same view with every brick resident, same back end");
+	if (s->judged)
+		bb_result_fact(r, "psnr_against", "the same view with every brick resident, same back end");
+	else if (s->bricks && s->pictures)
+		bb_result_fact(r, "psnr_against", "nothing: not asked for, or two steps of the data are over 2 GiB");
 }
 
 void bb_outcome_gather(const struct bb_outcome_sources *s, struct bb_run_result *r)

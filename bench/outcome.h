@@ -19,6 +19,7 @@ struct bb_outcome_sources { /* all borrowed */
 	const struct bb_pictures *pictures;
 	const struct bb_renderer *renderer;
 	const struct bb_bricks *bricks;
+	bool judged; /* pictures have something to be compared with */
 	const struct bb_clock *clk;
 	int64_t bring_up_ns;
 };

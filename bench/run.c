@@ -14,6 +14,7 @@
 #include "bench/loop/loop.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
+#include "render/parallel.h"
 
 #define BRING_UP_MOST_NS (120 * BB_NS_PER_S)
 #define WATCH_SETTLE_NS (BB_NS_PER_S / 2)
@@ -91,6 +92,16 @@ static enum bb_status load_files(struct work *w, struct bb_error *err)
 	return status;
 }
 
+/* Every brick of two steps is what a picture is judged by: not of data that is made to be larger than memory. */
+static bool can_judge(const struct bb_bricks *b)
+{
+	const struct bb_bricks_header *h = bb_bricks_header(b);
+	const struct bb_tree *t = &h->tree;
+	const uint64_t n_cells = t->n_nodes - t->first[t->n_levels - 1];
+
+	return n_cells <= BB_VOLUME_CAP_BYTES / (2 * bb_bricks_brick_bytes(h));
+}
+
 static enum bb_status load_data(struct work *w, struct bb_error *err)
 {
 	const struct bb_scene *s = w->run->scene;
@@ -102,7 +113,7 @@ static enum bb_status load_data(struct work *w, struct bb_error *err)
 	status = bb_data_open(s, &w->bricks, err);
 	if (status == BB_OK)
 		status = bb_transfer_load(s->transfer_function, &w->transfer, err);
-	if (status != BB_OK || !w->o->pictures || !w->o->measure_psnr)
+	if (status != BB_OK || !w->o->pictures || !w->o->measure_psnr || !can_judge(w->bricks))
 		return status;
 	const struct bb_stream_config full = { .bricks = w->bricks, .transfer = &w->transfer, .no_prediction = true,
 		                               .placement = bb_loop_placement(s, w->bricks) };
@@ -217,14 +228,12 @@ static enum bb_status bring_up(struct work *w, struct bb_error *err)
 static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 {
 	const bool pictures = w->o->pictures && w->run->scene->pictures.n_at;
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	enum bb_status status = BB_OK;
 
 	if (!pictures && !w->o->posix_clock)
 		return BB_OK;
 	if (w->bricks && !strcmp(w->o->gl, "cpu"))
-		status = bb_renderer_cpu_create("auto", (unsigned)(processors > 0 && processors < 64 ? processors : 1), &w->renderer,
-		                                err);
+		status = bb_renderer_cpu_create("auto", bb_parallel_processors(), &w->renderer, err);
 	else if (w->bricks)
 		status = bb_renderer_gl_create(w->o->gl, &w->renderer, err);
 	if (status != BB_OK || !pictures)
@@ -322,7 +331,7 @@ static void gather(struct work *w)
 {
 	const struct bb_outcome_sources s = { .options = w->o, .rig = &w->rig, .events = &w->events, .world = w->world,
 		                              .watch = w->watch, .facility = w->facility, .loop = &w->loop,
-		                              .pictures = w->pictures, .renderer = w->renderer, .bricks = w->bricks,
+		                              .pictures = w->pictures, .renderer = w->renderer, .bricks = w->bricks, .judged = w->full != NULL,
 		                              .clk = w->clk, .bring_up_ns = w->bring_up_ns };
 
 	bb_eventlog_flush(&w->events);

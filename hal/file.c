@@ -94,6 +94,13 @@ enum bb_status bb_file_check_text(const char *path, const char *text, size_t n, 
 	return BB_OK;
 }
 
+bool bb_path_may_be_replaced(const char *path)
+{
+	struct stat st;
+
+	return stat(path, &st) != 0 || S_ISREG(st.st_mode);
+}
+
 bool bb_path_is_tame(const char *path)
 {
 	if (!*path || *path == '/')

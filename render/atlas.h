@@ -70,8 +70,9 @@ void bb_atlas_describe(struct bb_atlas *atlas, const struct bb_bricks_header *h)
 size_t bb_atlas_slack_bytes(const struct bb_atlas *atlas); /* behind the last slot */
 /*
  * A brick has come from its file: its ranges are measured, f32 values become parts of the data's range, and values that
- * are not finite or lie outside that range, as only a forged file has them, the nearest that do not (NaN: the least), so
- * that no caster needs to look again. Returns how many there were. Any thread, nothing else is touched.
+ * are not finite or lie outside that range, as a forged file has them or one that was built for a range that does not hold,
+ * become the nearest that do not (NaN: the least), so that no caster needs to look again. Returns how many there were. Any
+ * thread, nothing else is touched.
  */
 size_t bb_atlas_accept(const struct bb_atlas *atlas, uint8_t *brick, struct bb_atlas_range *out);
 

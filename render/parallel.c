@@ -2,6 +2,7 @@
 
 #include <pthread.h>
 #include <stdatomic.h>
+#include <unistd.h>
 
 struct job {
 	void (*each)(void *ctx, size_t i, unsigned thread);
@@ -45,4 +46,11 @@ void bb_parallel(unsigned threads, size_t n, void (*each)(void *ctx, size_t i, u
 	for (unsigned i = 1; i < threads; i++)
 		if (workers[i].started)
 			pthread_join(workers[i].thread, NULL);
+}
+
+unsigned bb_parallel_processors(void)
+{
+	const long n = sysconf(_SC_NPROCESSORS_ONLN);
+
+	return n < 1 ? 1 : n > BB_PARALLEL_MOST ? BB_PARALLEL_MOST : (unsigned)n;
 }

@@ -13,4 +13,7 @@
  * the caller's own does the work. */
 void bb_parallel(unsigned threads, size_t n, void (*each)(void *ctx, size_t i, unsigned thread), void *ctx);
 
+/* As many as this machine has processors, at most BB_PARALLEL_MOST. */
+unsigned bb_parallel_processors(void);
+
 #endif

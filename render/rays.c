@@ -39,10 +39,21 @@ static bool positive(double x)
 	return x > 0 && x < 1e6;
 }
 
+/* False: a number that is none, or an eye in its screen's plane: rays without a direction. Never of bb_view_make's. */
+static bool looks_somewhere(const struct bb_view *view)
+{
+	const struct bb_corners *c = &view->corners;
+	const struct bb_vec3 across = bb_vec3_sub(c->lower_right, c->lower_left);
+	const struct bb_vec3 down = bb_vec3_sub(c->lower_left, c->upper_left);
+	const double depth = bb_vec3_dot(bb_vec3_sub(c->upper_left, view->eye), bb_vec3_cross(across, down));
+
+	return isfinite(depth) && depth != 0;
+}
+
 enum bb_status bb_rays_make(const struct bb_view *view, const struct bb_layer *layer, double step_voxels, uint32_t width,
 			    uint32_t height, struct bb_rays *out)
 {
-	const struct bb_vec3 size_m = layer->placement.size_m;
+	const struct bb_vec3 size_m = layer->placement.size_m, at = layer->placement.pose.p;
 	const struct bb_quat to_volume = bb_quat_conj(bb_quat_unit(layer->placement.pose.q));
 	const struct bb_corners *c = &view->corners;
 	const struct bb_vec3 eye = view->eye;
@@ -51,8 +62,10 @@ enum bb_status bb_rays_make(const struct bb_view *view, const struct bb_layer *l
 		return BB_ERR_RANGE;
 	if (!(step_voxels >= LEAST_STEP_VOXELS && step_voxels <= MOST_STEP_VOXELS))
 		return BB_ERR_RANGE;
+	if (!looks_somewhere(view) || !isfinite(at.x + at.y + at.z))
+		return BB_ERR_RANGE;
 	*out = (struct bb_rays){ .width = width, .height = height, .dim = voxels_of(layer->atlas) };
-	out->eye_m = bb_quat_rotate(to_volume, bb_vec3_sub(eye, layer->placement.pose.p));
+	out->eye_m = bb_quat_rotate(to_volume, bb_vec3_sub(eye, at));
 	out->corner_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->upper_left, eye));
 	out->across_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->lower_right, c->lower_left));
 	out->down_m = bb_quat_rotate(to_volume, bb_vec3_sub(c->lower_left, c->upper_left));

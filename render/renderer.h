@@ -48,7 +48,7 @@ struct bb_draw {
 	size_t n_meshes;
 	double step_voxels;
 	/* A brick `up` levels above the leaves is sampled every 2^up-th step (i with i % 2^up == 2^up / 2), opacity
-	 * corrected for the longer one; "reference" does not. */
+	 * corrected for the longer one; between two steps the finer of the two bricks decides. "reference" does not. */
 	bool steps_by_level;
 	/* Where bricks of different levels meet, values go over into each other within half a voxel of the coarser one, on
 	 * the finer one's side, so that no seam shows ("cpu"; the others draw each brick for itself). */
@@ -74,7 +74,8 @@ void bb_renderer_destroy(struct bb_renderer *r);
 /* "llvmpipe (LLVM 15.0.6, 256 bits), OpenGL 4.5, OSMesa" */
 const char *bb_renderer_description(const struct bb_renderer *r);
 /* The image's size is the picture's size. stats may be NULL. BB_ERR_RANGE: a number of
- * layers, a step_voxels outside 1/64..64, or a placement without size. BB_ERR_UNSUPPORTED: "reference" without a volume. */
+ * layers, a step_voxels outside 1/64..64, a placement without size, or a view that bb_view_make would not have made: not
+ * finite, or the eye in its screen's plane. BB_ERR_UNSUPPORTED: "reference" without a volume. */
 BB_MUST_CHECK enum bb_status bb_renderer_draw(struct bb_renderer *r, const struct bb_draw *draw, struct bb_image *image,
                                               struct bb_draw_stats *stats);
 /* Why the last draw failed; number 0 when it did not. */

@@ -6,6 +6,8 @@
 #define BB_TESTS_ATLAS_ORACLE_H
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "render/half.h"
 #include "render/renderer_driver.h"

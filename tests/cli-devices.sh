@@ -10,15 +10,7 @@ ends_with() { # CODE ARGUMENTS...
 	[ $? = "$want" ]
 }
 
-cat >"$work/wired.yaml" <<'END'
-room: wired
-neutral_m: [0, 1.2, 0.65]
-nodes: [{id: desk}]
-walls:
-  - id: screen
-    corners_m: {lower_left: [-0.299, 1.0, 0], lower_right: [0.299, 1.0, 0], upper_left: [-0.299, 1.336, 0]}
-    pixels: [320, 180]
-    display: {kind: lcd, refresh_hz: 60}
+{ sh tests/guest/case_desk.sh && cat; } >"$work/wired.yaml" <<'END'
 monitors:
   - {id: m1, device: "i2c:/dev/i2c-4711", edid: S27A850D}
 gamepads:

@@ -65,6 +65,13 @@ check "another file is refused" refused 1440 info Makefile
 check "a wrong edge is refused" refused 1442 build --generate cme --brick 7 --out "$work/b.bricks"
 check "a small cap is said" refused 1447 build --generate cme --memory 1 --out "$work/b.bricks"
 check "no input is refused" refused 1701 build --out "$work/b.bricks"
+check "parts of voxels are refused" refused 1701 build --generate cme --dim 8.5x8x8 --out "$work/b.bricks"
+check "a folder is no result" refused 1901 build --generate cme --dim 8x8x8 --steps 1 --brick 4 --out "$work"
+mkfifo "$work/pipe" "$work/pipe.raw"
+check "nor is a pipe" refused 1901 build --generate cme --dim 8x8x8 --steps 1 --brick 4 --out "$work/pipe"
+check "which stays one" [ -p "$work/pipe" ]
+check "nor for voxels" refused 1901 generate cme --dim 8x8x8 --steps 1 --out "$work/pipe.hdr.txt"
+check "which stays one, too" [ -p "$work/pipe.raw" ]
 check "and leaves nothing" [ -z "$(ls "$work"/b.* 2>/dev/null)" ]
 check "a made spherical grid" "$program" volume build --generate enlil --dim 32x24x40 --steps 2 --brick 8 --seed 5 --quiet \
 	--out "$work/e.bricks"

@@ -4,6 +4,7 @@
  * a ray (nC2), and hostile transfer functions (nC3). Each prints what it measured beside its limit, and where two ways
  * were measured, what an operation of each costs.
  */
+#include "bench/volume/rank.h"
 #include "hal/clock.h"
 #include "render/bricks/metric.h"
 #include "tests/brick_rig.h"
@@ -230,48 +231,12 @@ static void unevenness_knows_no_unit(void **state)
 	assert_true(worst <= 1e-12);
 }
 
-static const float *ranked;
-
-static int by_value(const void *a, const void *b)
+static double rank_correlation(const float *a, const float *b, size_t n)
 {
-	const float x = ranked[*(const uint32_t *)a], y = ranked[*(const uint32_t *)b];
+	double out;
 
-	return (x > y) - (x < y);
-}
-
-static void ranks_of(const float *v, uint32_t n, double *rank)
-{
-	uint32_t *order = malloc(n * sizeof(*order));
-
-	assert_non_null(order);
-	for (uint32_t i = 0; i < n; i++)
-		order[i] = i;
-	ranked = v;
-	qsort(order, n, sizeof(*order), by_value);
-	for (uint32_t i = 0, j; i < n; i = j) { /* equal ones share the middle */
-		for (j = i; j < n && !(v[order[j]] > v[order[i]]); j++)
-			;
-		for (uint32_t k = i; k < j; k++)
-			rank[order[k]] = (i + j - 1) / 2.0;
-	}
-	free(order);
-}
-
-static double rank_correlation(const float *a, const float *b, uint32_t n)
-{
-	double *x = malloc(n * 2 * sizeof(double)), *y = x + n, sxy = 0, sxx = 0, syy = 0;
-	const double middle = (n - 1) / 2.0;
-
-	assert_non_null(x);
-	ranks_of(a, n, x);
-	ranks_of(b, n, y);
-	for (uint32_t i = 0; i < n; i++) {
-		sxy += (x[i] - middle) * (y[i] - middle);
-		sxx += (x[i] - middle) * (x[i] - middle);
-		syy += (y[i] - middle) * (y[i] - middle);
-	}
-	free(x);
-	return sxy / sqrt(sxx * syy);
+	assert_int_equal(bb_rank_correlation(a, b, n, &out, NULL), BB_OK);
+	return out;
 }
 
 struct ratings {

@@ -16,6 +16,7 @@
 #include "render/stream/io.h"
 #include "render/stream/stream_private.h"
 #include "tests/drawing.h"
+#include "tests/heap.h"
 
 #define WIDTH 1400
 #define HEIGHT 1050
@@ -210,7 +211,8 @@ static void wander_on(struct wander *w)
 	f.bricks_most = dice(10) ? UINT32_MAX : dice(4);
 	const struct bb_stream_counts c = bb_stream_frame(w->s, &f);
 	assert_true(!w->bricks_per_frame || c.loaded <= w->bricks_per_frame);
-	assert_true(c.loaded <= f.bricks_most && c.prefetched <= c.loaded && c.missing <= c.drawn && !c.failed);
+	assert_true(!w->bricks_per_frame || c.arrived <= w->bricks_per_frame);
+	assert_true(c.loaded <= f.bricks_most && c.arrived <= f.bricks_most && c.prefetched <= c.loaded && c.missing <= c.drawn && !c.failed);
 	w->sum.loaded += c.loaded;
 	w->sum.prefetched += c.prefetched;
 	w->sum.missing += c.missing;
@@ -275,6 +277,77 @@ static void it_grows_sharp_and_then_rests(void **ctx)
 	const uint64_t map = bb_stream_atlas(s)->map_generation;
 	(void)bb_stream_frame(s, &f);
 	assert_true(bb_stream_atlas(s)->map_generation == map);
+	bb_stream_destroy(s);
+}
+
+/* What the heap holds of a stream is what it says, and what stream.h says is beside that. */
+static void what_it_holds_is_what_the_heap_gave(void **ctx)
+{
+	const uint64_t budgets[] = { 60 * 1024, 200 * 1024, 1 << 20, 5 << 20 };
+
+	(void)ctx;
+	if (!HEAP_COUNTED) {
+		print_message("SKIP: a sanitizer stands in front of the allocator\n");
+		skip();
+	}
+	for (size_t i = 0; i < BB_ARRAY_LEN(budgets); i++) {
+		const uint64_t before = heap_begin();
+		struct bb_stream *s = stream_of(budgets[i], 8);
+		const uint64_t holds = heap_now - before, beside = s->tree->n_bricks * 8 + s->tree->n_bricks / 8 + sizeof(*s);
+		const uint64_t blocks = 64; /* allocations, each rounded up by the allocator */
+		print_message("%lu KiB: %lu bytes held, the heap says %lu with %lu beside\n", (unsigned long)(budgets[i] >> 10),
+			      (unsigned long)bb_stream_memory_bytes(s), (unsigned long)holds, (unsigned long)beside);
+		assert_true(bb_stream_memory_bytes(s) <= budgets[i]);
+		assert_true(holds <= bb_stream_memory_bytes(s) + beside + blocks * 32);
+		assert_true(holds >= bb_stream_memory_bytes(s));
+		bb_stream_destroy(s);
+	}
+}
+
+/* A budget that cannot be leaves the stream as it was. */
+static void a_budget_that_cannot_be_changes_nothing(void **ctx)
+{
+	const struct bb_view view = drawing_view(0);
+	struct bb_stream *s = stream_of(300 * 1024, 8);
+	const struct bb_stream_frame f = frame_at(&view, 1.5);
+	struct bb_error err = { 0 };
+
+	(void)ctx;
+	(void)bb_stream_settle(s, &f);
+	const uint64_t held = bb_stream_memory_bytes(s);
+	assert_true(bb_stream_set_budget(s, 1, 3, &err) != BB_OK && err.number == 1470);
+	assert_true(bb_stream_memory_bytes(s) == held && bb_stream_config(s)->bricks_per_frame == 8);
+	(void)bb_stream_settle(s, &f);
+	check(s, 300 * 1024);
+	assert_true(bb_stream_set_budget(s, 100 * 1024, 3, &err) == BB_OK && bb_stream_memory_bytes(s) <= 100 * 1024);
+	(void)bb_stream_settle(s, &f);
+	check(s, 100 * 1024);
+	bb_stream_destroy(s);
+}
+
+/* More views than it was made for, none, times that are no numbers or far away: a frame like any other. */
+static void odd_frames_are_frames(void **ctx)
+{
+	static const double odd[] = { (double)NAN, (double)INFINITY, -(double)INFINITY, -3, 1e300, 2.5 };
+	struct bb_view views[40];
+	struct bb_stream *s = stream_of(200 * 1024, 0);
+
+	(void)ctx;
+	for (int i = 0; i < 40; i++)
+		views[i] = drawing_view(i % DRAWING_VIEWS);
+	for (size_t i = 0; i < BB_ARRAY_LEN(odd); i++)
+		for (int way = -1; way <= 1; way++) {
+			struct bb_stream_frame f = frame_at(views, odd[i]);
+			f.n_views = 40;
+			f.way = way;
+			f.ahead = odd;
+			f.n_ahead = BB_ARRAY_LEN(odd);
+			f.ahead_frames = i % 2 ? UINT32_MAX : 0;
+			f.bricks_most = i % 3 ? UINT32_MAX : 0;
+			const struct bb_stream_counts c = bb_stream_frame(s, &f);
+			assert_true(c.loaded <= f.bricks_most);
+			check(s, 200 * 1024);
+		}
 	bb_stream_destroy(s);
 }
 
@@ -629,6 +702,9 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(neither_budget_is_ever_exceeded),
 		cmocka_unit_test(it_grows_sharp_and_then_rests),
+		cmocka_unit_test(what_it_holds_is_what_the_heap_gave),
+		cmocka_unit_test(a_budget_that_cannot_be_changes_nothing),
+		cmocka_unit_test(odd_frames_are_frames),
 		cmocka_unit_test(without_a_budget_everything_is_sharp),
 		cmocka_unit_test(what_nobody_sees_stays_coarse),
 		cmocka_unit_test(what_is_hidden_makes_room),

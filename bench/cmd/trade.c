@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "bench/trade/trade.h"
+#include "render/parallel.h"
 
 static const struct bb_cli_option options[] = {
 	{ "device", "CLASS", "of ROOM SCENE: shutters, cameras, displays, monitors, power or gamepads" },
@@ -49,26 +50,12 @@ static const struct bb_cli_option options[] = {
 	{ NULL, NULL, NULL },
 };
 
-bool bb_trade_whole_numbers(const char *text, char sign, uint32_t *out, int n)
-{
-	for (int i = 0; i < n; i++) {
-		char *end;
-		if (*text < '0' || *text > '9' || strspn(text, "0123456789") > 9)
-			return false;
-		out[i] = (uint32_t)strtoul(text, &end, 10);
-		if (*end != (i + 1 < n ? sign : '\0'))
-			return false;
-		text = end + 1;
-	}
-	return true;
-}
-
 enum bb_status bb_trade_size(const struct bb_cli *cli, const char *usual, uint32_t *width_px, uint32_t *height_px, struct bb_error *err)
 {
 	const char *text = bb_cli_get(cli, "size", usual);
 	uint32_t size[2];
 
-	if (!bb_trade_whole_numbers(text, 'x', size, 2) || size[0] < 16 || size[1] < 16 || size[0] > 4096 || size[1] > 4096)
+	if (!bb_cli_whole_numbers(text, 'x', size, 2) || size[0] < 16 || size[1] < 16 || size[0] > 4096 || size[1] > 4096)
 		return bb_fail(err, BB_ERR_USAGE, 1481, NULL, "--size: '%.40s'", text);
 	*width_px = size[0];
 	*height_px = size[1];
@@ -78,12 +65,9 @@ enum bb_status bb_trade_size(const struct bb_cli *cli, const char *usual, uint32
 static enum bb_status begin_with(const char *kind, struct bb_trade_config *config, struct bb_trade **out,
 				 struct bb_error *err)
 {
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
-	const unsigned threads = (unsigned)(processors > 0 && processors < 64 ? processors : 1);
-
 	bb_renderer_destroy(config->renderer);
 	config->renderer = NULL;
-	const enum bb_status status = !strcmp(kind, "cpu") ? bb_renderer_cpu_create("auto", threads, &config->renderer, err)
+	const enum bb_status status = !strcmp(kind, "cpu") ? bb_renderer_cpu_create("auto", bb_parallel_processors(), &config->renderer, err)
 							   : bb_renderer_gl_create(kind, &config->renderer, err);
 	return status ? status : bb_trade_create(config, out, err);
 }

@@ -18,7 +18,6 @@ BB_MUST_CHECK enum bb_status bb_trade_begin(const struct bb_cli *cli, struct bb_
 /* --size WxH. 1481. */
 BB_MUST_CHECK enum bb_status bb_trade_size(const struct bb_cli *cli, const char *usual, uint32_t *width_px,
 					   uint32_t *height_px, struct bb_error *err);
-bool bb_trade_whole_numbers(const char *text, char sign, uint32_t *out, int n); /* "320x240" */
 
 /* A line of progress on a terminal, over the last one; "" wipes it. */
 void bb_trade_say(const char *text);

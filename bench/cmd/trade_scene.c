@@ -69,7 +69,7 @@ static enum bb_status read_generated(struct job *j, const char *kind, struct bb_
 
 	if (!status)
 		status = bb_cli_number(cli, "steps", 8, 1, 65536, &steps, err);
-	if (!status && !bb_trade_whole_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', j->config.dim, 3))
+	if (!status && !bb_cli_whole_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', j->config.dim, 3))
 		status = bb_fail(err, BB_ERR_USAGE, 1481, NULL, "--dim: '%.40s'", bb_cli_get(cli, "dim", ""));
 	j->config.generate = kind;
 	j->config.n_steps = (uint32_t)steps;
@@ -123,7 +123,7 @@ static enum bb_status read_disk(struct job *j, struct bb_error *err)
 
 	if (!text)
 		return BB_OK;
-	if (!bb_trade_whole_numbers(text, ':', v, 2) || !v[1])
+	if (!bb_cli_whole_numbers(text, ':', v, 2) || !v[1])
 		return bb_fail(err, BB_ERR_USAGE, 1481, NULL, "--disk: '%.40s'", text);
 	j->config.disk_read_ns = 1e3 * v[0];
 	j->config.disk_byte_ns = 1e3 / v[1];

@@ -1,15 +1,12 @@
 /* bench/cmd/volume_build.c: `blackburst volume build`: a sequence of volumes to one brick file
  * (render/bricks/format.h). */
 #include <jansson.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <unistd.h>
 
-#include "bench/cli.h"
-#include "hal/clock.h"
+#include "bench/cmd/volume_make.h"
 #include "render/bricks/build.h"
 
 static const struct bb_cli_option options[] = {
@@ -30,42 +27,6 @@ static const struct bb_cli_option options[] = {
 	{ "quiet", NULL, "no progress" },
 	{ NULL, NULL, NULL },
 };
-
-static volatile sig_atomic_t interrupted;
-
-static void on_interrupt(int number)
-{
-	(void)number;
-	interrupted = 1;
-}
-
-struct showing {
-	struct bb_clock *clk;
-	int64_t begun_ns;
-	uint64_t first; /* bricks done before this call */
-	int permille;
-	bool shown, started;
-};
-
-/* "  42.0 %  38100 bricks/s  12 s left" */
-static bool progress(void *ctx, uint64_t done, uint64_t total)
-{
-	struct showing *s = ctx;
-	const int permille = (int)(done * 1000 / total);
-	const double took_s = (double)(bb_clock_now_ns(s->clk) - s->begun_ns) * 1e-9;
-
-	if (!s->started)
-		s->first = done;
-	s->started = true;
-	if (s->shown && permille != s->permille && took_s > 0 && done > s->first) {
-		const double rate = (double)(done - s->first) / took_s;
-		fprintf(stderr, "\r%6.1f %%  %.0f bricks/s  %.0f s left   ", permille / 10.0, rate,
-			(double)(total - done) / rate);
-		fflush(stderr);
-	}
-	s->permille = permille;
-	return !interrupted;
-}
 
 static enum bb_status bad(const struct bb_cli *cli, const char *name, struct bb_error *err)
 {
@@ -105,10 +66,9 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 		c->most = range[1];
 	}
 	if (bb_cli_has(cli, "spherical")) {
-		const double *e = c->extent;
 		c->grid = BB_BRICK_SPHERICAL;
-		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) || !(e[0] >= 0 && e[1] > e[0]) ||
-		    !(e[3] > e[2] && e[5] > e[4] && e[1] < 1e12 && e[2] >= 0 && e[3] < 3.1416 && e[5] - e[4] < 6.2832))
+		if (!bb_cli_numbers(bb_cli_get(cli, "spherical", ""), ':', c->extent, 6) ||
+		    !bb_steps_extent_is_sane(c->extent))
 			return bad(cli, "spherical", err);
 	}
 	return BB_OK;
@@ -116,8 +76,7 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 
 static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_build_config *c, struct bb_error *err)
 {
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
-	double brick = 0, pad = 0, mib = 0, threads = 0;
+	double brick = 0, pad = 0, mib = 0;
 	enum bb_status status = bb_cli_number(cli, "brick", 32, 4, 64, &brick, err);
 
 	if (!status)
@@ -125,11 +84,10 @@ static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_build_con
 	if (!status)
 		status = bb_cli_number(cli, "memory", 512, 1, 1 << 20, &mib, err);
 	if (!status)
-		status = bb_cli_number(cli, "threads", processors > 0 ? (double)processors : 1, 1, 64, &threads, err);
+		status = bb_volume_threads(cli, &c->threads, err);
 	c->edge = (uint32_t)brick;
 	c->pad = (uint32_t)pad;
 	c->memory_bytes = (uint64_t)(mib * (1 << 20));
-	c->threads = (unsigned)threads;
 	c->checkpoint_bytes = UINT64_C(8) << 30;
 	return status;
 }
@@ -138,8 +96,6 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 				 struct bb_error *err)
 {
 	char folder[BB_PATH_MAX_BYTES];
-	double dim[3] = { 128, 128, 128 }, n_steps = 8, seed = 1;
-	enum bb_status status;
 
 	if (cli->n_args) {
 		const char *slash = strrchr(out, '/');
@@ -148,21 +104,7 @@ static enum bb_status open_steps(const struct bb_cli *cli, const char *out, stru
 	}
 	if (!bb_cli_has(cli, "generate"))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "give the files of a sequence, or --generate");
-	if (!bb_cli_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', dim, 3))
-		return bad(cli, "dim", err);
-	for (int a = 0; a < 3; a++)
-		if (!(dim[a] >= 1 && dim[a] <= 1 << 16))
-			return bad(cli, "dim", err);
-	status = bb_cli_number(cli, "steps", 8, 1, 1 << 16, &n_steps, err);
-	if (status)
-		return status;
-	const uint32_t voxels[3] = { (uint32_t)dim[0], (uint32_t)dim[1], (uint32_t)dim[2] };
-	status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
-	if (!status)
-		status = bb_steps_generate(bb_cli_get(cli, "generate", ""), voxels, (uint32_t)n_steps, steps, err);
-	if (!status)
-		bb_steps_seed(*steps, (uint32_t)seed);
-	return status;
+	return bb_volume_make(cli, bb_cli_get(cli, "generate", ""), steps, err);
 }
 
 /* What the kernel says of this process: the most memory it ever had, libraries and all, and its threads' time. */
@@ -211,9 +153,9 @@ static void default_out(char *out, size_t cap, const struct bb_cli *cli)
 static int command(const struct bb_cli *cli)
 {
 	struct bb_build_config config = { 0 };
-	struct bb_build_report report;
+	struct bb_build_report report = { 0 };
 	struct bb_error err = { 0 };
-	struct showing showing = { .shown = isatty(STDERR_FILENO) && !bb_cli_has(cli, "quiet") };
+	struct bb_volume_work work = { 0 };
 	struct bb_steps *steps = NULL;
 	char usual[BB_PATH_MAX_BYTES];
 
@@ -225,23 +167,15 @@ static int command(const struct bb_cli *cli)
 	if (!status)
 		status = open_steps(cli, config.path, &steps, &err);
 	if (!status)
-		status = bb_clock_posix_create(&showing.clk);
-	if (status) {
-		bb_steps_close(steps);
-		return bb_cli_fail(status, &err);
+		status = bb_volume_work_begin(&work, cli, "bricks", &err);
+	if (!status) {
+		config.steps = steps;
+		config.progress = bb_volume_work_progress;
+		config.ctx = &work;
+		status = bb_bricks_build(&config, &report, &err);
 	}
-	config.steps = steps;
-	config.progress = progress;
-	config.ctx = &showing;
-	showing.begun_ns = bb_clock_now_ns(showing.clk);
-	sigaction(SIGINT, &(struct sigaction){ .sa_handler = on_interrupt, .sa_flags = (int)SA_RESETHAND }, NULL);
-	sigaction(SIGTERM, &(struct sigaction){ .sa_handler = on_interrupt, .sa_flags = (int)SA_RESETHAND }, NULL);
-	status = bb_bricks_build(&config, &report, &err);
-	const double took_s = (double)(bb_clock_now_ns(showing.clk) - showing.begun_ns) * 1e-9;
-	bb_clock_destroy(showing.clk);
+	const double took_s = bb_volume_work_end(&work);
 	bb_steps_close(steps);
-	if (showing.shown)
-		fprintf(stderr, "\r%60s\r", "");
 	if (status == BB_SKIPPED) {
 		fprintf(stderr, "stopped; the same command goes on from here\n");
 		return 130;

@@ -17,9 +17,8 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "bench/cli.h"
+#include "bench/cmd/volume_make.h"
 #include "bench/stats.h"
-#include "hal/clock.h"
 #include "render/bricks/bricks.h"
 #include "render/bricks/values.h"
 #include "render/parallel.h"
@@ -123,7 +122,7 @@ static uint32_t order_near(const struct speed *s, uint64_t seed, uint32_t most)
 }
 
 /* The bytes of the bricks in order, as they lie in the file: a copy of it in memory, without what is not asked for. */
-static bool copy_file(struct speed *s)
+static enum bb_status copy_file(struct speed *s, struct bb_error *err)
 {
 	const struct bb_bricks_record *index = bb_bricks_index(s->b);
 	uint64_t first = UINT64_MAX, end = 0;
@@ -138,15 +137,15 @@ static bool copy_file(struct speed *s)
 	free(s->copy);
 	s->copy = malloc(end - first);
 	if (!s->copy)
-		return false;
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a copy of the bricks");
 	memset(s->copy, 0, end - first);
 	for (uint32_t i = 0; i < s->n; i++) {
 		const struct bb_bricks_record *r = &index[s->order[i]];
 		s->copy_at[i] = r->offset - first;
 		if (pread(s->fd, s->copy + s->copy_at[i], r->bytes, (off_t)r->offset) != (ssize_t)r->bytes)
-			return false;
+			return bb_fail(err, BB_ERR_FORMAT, 1406, NULL, "brick %llu", (unsigned long long)s->order[i]);
 	}
-	return true;
+	return BB_OK;
 }
 
 /* ---- one round of one peer ---- */
@@ -402,7 +401,6 @@ static unsigned workers_of(const struct speed *s)
 static enum bb_status set_up(struct speed *s, const char *path, struct bb_error *err)
 {
 	const struct bb_bricks_header *h = bb_bricks_header(s->b);
-	struct bb_error none = { 0 };
 
 	s->fd = open(path, O_RDONLY | O_CLOEXEC);
 	s->direct_fd = open(path, O_RDONLY | O_CLOEXEC | O_DIRECT);
@@ -415,13 +413,13 @@ static enum bb_status set_up(struct speed *s, const char *path, struct bb_error 
 	s->stride = (s->n_brick + PAGE_BYTES - 1) / PAGE_BYTES * PAGE_BYTES;
 	for (unsigned i = 0; i < workers_of(s); i++) {
 		struct worker *w = &s->worker[i];
-		const enum bb_status status =
+		enum bb_status status =
 			bb_bricks_reader_create(s->b, s->batch, BB_BRICKS_CACHED, &w->reader[BB_BRICKS_CACHED], err);
+		if (!status && s->direct_fd >= 0)
+			status = bb_bricks_reader_create(s->b, s->batch, BB_BRICKS_DIRECT,
+							 &w->reader[BB_BRICKS_DIRECT], err);
 		if (status)
 			return status;
-		if (s->direct_fd >= 0 &&
-		    bb_bricks_reader_create(s->b, s->batch, BB_BRICKS_DIRECT, &w->reader[BB_BRICKS_DIRECT], &none))
-			return bb_fail(err, BB_ERR_UNSUPPORTED, 1453, NULL, "a reader");
 		const size_t pool = i < s->most_threads ? POOL_BYTES : WAITING_BYTES;
 		w->pool = pool_of(pool);
 		w->n_slots = pool / s->stride;
@@ -451,14 +449,18 @@ static void tear_down(struct speed *s)
 static enum bb_status measure(struct speed *s, double mib, uint64_t seed, unsigned rounds, struct row *rows, size_t *n,
 			      struct bb_error *err)
 {
-	const uint32_t most = (uint32_t)(mib * 1048576 / (double)s->n_brick) + 1;
+	const double asked = mib * 1048576 / (double)s->n_brick + 1, all = (double)bb_bricks_header(s->b)->tree.n_bricks;
+	const uint32_t most = (uint32_t)(asked < all ? asked : all);
 
 	s->order = calloc(most, sizeof(*s->order));
 	s->copy_at = calloc(most, sizeof(*s->copy_at));
 	for (int near = 0; near < 2; near++) {
 		s->n = !s->order || !s->copy_at ? 0 : near ? order_near(s, seed, most) : order_random(s, seed, most);
-		if (!s->n || !copy_file(s))
-			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a copy of the bricks");
+		if (!s->n)
+			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "an order of %u bricks", most);
+		const enum bb_status status = copy_file(s, err);
+		if (status)
+			return status;
 		fill_cache(s);
 		warm_rows(s, "page cache", near ? "near" : "random", rounds, rows, n);
 		if (s->direct_fd >= 0)
@@ -478,8 +480,8 @@ static enum bb_status measure(struct speed *s, double mib, uint64_t seed, unsign
 static int command(const struct bb_cli *cli)
 {
 	static struct speed s;
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
-	double mib = 0, rounds = 0, batch = 0, threads = 0, depth = 0, seed = 0;
+	double mib = 0, rounds = 0, batch = 0, depth = 0, seed = 0;
+	unsigned threads = 0;
 	struct bb_error err = { 0 };
 	struct bb_bricks *b = NULL;
 	struct row rows[32];
@@ -491,8 +493,7 @@ static int command(const struct bb_cli *cli)
 	if (!status)
 		status = bb_cli_number(cli, "batch", 64, 1, BB_BRICKS_BATCH_MOST, &batch, &err);
 	if (!status)
-		status = bb_cli_number(cli, "threads", processors > 0 ? (double)processors : 1, 1, BB_PARALLEL_MOST,
-				       &threads, &err);
+		status = bb_volume_threads(cli, &threads, &err);
 	if (!status)
 		status = bb_cli_number(cli, "depth", 8, 1, BB_PARALLEL_MOST, &depth, &err);
 	if (!status)
@@ -505,7 +506,7 @@ static int command(const struct bb_cli *cli)
 			     .fd = -1,
 			     .direct_fd = -1,
 			     .batch = (uint32_t)batch,
-			     .most_threads = (unsigned)threads,
+			     .most_threads = threads,
 			     .depth = (unsigned)depth };
 	status = set_up(&s, cli->arg[0], &err);
 	if (!status)

@@ -127,7 +127,8 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
 	l->steps = bb_loop_steps_at(l->scene, n_steps, t_s);
 	const double soon = bb_loop_steps_at(l->scene, n_steps, t_s + 1e-3 * l->scene->data.seconds_per_step);
-	l->way = soon > l->steps ? 1 : soon < l->steps ? -1 : 0;
+	/* From the last step to the first is on, too. */
+	l->way = soon > l->steps ? 1 : soon < l->steps ? (l->scene->data.loop == BB_LOOP_REPEAT ? 1 : -1) : 0;
 	for (int i = 0; i < BB_AHEAD; i++)
 		l->ahead[i] = bb_loop_steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
 	f->photon_ns = planned_photon_ns(l, now_ns);

@@ -224,9 +224,10 @@ static void patch_grid(const struct bb_scene *s, const struct bb_corners *wall, 
 
 	out->generation++;
 	for (int i = 0; i < BB_FLASH_CELLS; i++) {
-		const double u = i % BB_FLASH_COLUMNS, v = i / BB_FLASH_COLUMNS;
-		const double part = covered(s->patch.size_m, width_m, u / BB_FLASH_COLUMNS, (u + 1) / BB_FLASH_COLUMNS) *
-		                    covered(s->patch.size_m, height_m, v / BB_FLASH_ROWS, (v + 1) / BB_FLASH_ROWS);
+		const int column = i % BB_FLASH_COLUMNS, row = i / BB_FLASH_COLUMNS;
+		const double u = (double)column / BB_FLASH_COLUMNS, v = (double)row / BB_FLASH_ROWS;
+		const double part = covered(s->patch.size_m, width_m, u, u + 1.0 / BB_FLASH_COLUMNS) *
+		                    covered(s->patch.size_m, height_m, v, v + 1.0 / BB_FLASH_ROWS);
 		for (int c = 0; c < 3; c++)
 			out->rgb[i][c] = (float)((1 - part) * (double)under->rgb[i][c] + part * grey);
 	}

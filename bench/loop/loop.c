@@ -73,7 +73,7 @@ static enum bb_status create_stream(struct bb_frame_loop *l, struct bb_node_mach
 	const double mib = o->memory_mib >= 0 ? o->memory_mib : l->scene->memory_mib;
 	const int64_t bricks = (o->stream_bricks >= 0 ? o->stream_bricks : l->scene->stream_bricks_per_frame);
 	struct bb_stream_config c = { .bricks = l->bricks, .transfer = l->transfer, .gain = (enum bb_gain_method)l->scene->data.gain,
-		                      .occlusion = l->scene->data.occlusion,
+		                      .views_most = (uint32_t)n->n_views, .occlusion = l->scene->data.occlusion,
 		                      .no_prediction = !l->scene->data.predict,
 		                      .placement = bb_loop_placement(l->scene, l->bricks),
 		                      .memory_bytes = (uint64_t)(mib * 1048576),

@@ -45,12 +45,19 @@ static void make_views(struct bb_node_machine *n, const struct bb_message *m, st
 	}
 }
 
-/* Bricks that may still be uploaded before the deadline; one always may, or nothing would ever change. */
+static uint64_t brick_bytes(const struct bb_node_machine *n)
+{
+	return n->stream ? bb_stream_atlas(n->stream)->slot_bytes : 0;
+}
+
+/* Bricks that may still be uploaded within the limit that makes a frame late, if it costs what the last one did; one
+ * always may, or nothing would ever change. */
 static uint32_t bricks_in_time(const struct bb_node_machine *n)
 {
 	const struct bb_profile *p = &n->profile;
-	const double each_ns = p->per_brick_ns + p->per_byte_ns * (double)bb_stream_atlas(n->stream)->slot_bytes;
-	const double left_ns = (double)(n->loop->frame_ns - n->draw_ns);
+	const double each_ns = p->per_brick_ns + p->per_byte_ns * (double)brick_bytes(n);
+	const double left_ns = n->loop->result->streaming.limit_ms * 1e6 - (double)n->draw_ns -
+	                       p->select_per_brick_ns * n->counts.drawn;
 
 	if (!(each_ns > 0) || left_ns / each_ns > 1e9)
 		return UINT32_MAX;
@@ -183,7 +190,8 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
-	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.loaded, c.bytes) - n->draw_ns;
+	n->load_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, c.arrived,
+	                                 c.arrived * brick_bytes(n)) - n->draw_ns;
 	int64_t selected_ns = now_ns + (int64_t)(n->profile.select_per_brick_ns * c.drawn) + n->load_ns;
 	int64_t ready_ns = selected_ns + plant_ns(l, n, now_ns) + n->draw_ns;
 	if (l->draw_everything) {

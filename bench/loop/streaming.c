@@ -34,11 +34,11 @@ void bb_streaming_begin(struct bb_frame_loop *l)
 		return;
 	const struct bb_bricks_header *h = bb_bricks_header(l->bricks);
 	const struct bb_tree *t = &h->tree;
+	r->limit_ms = limit_ms(l); /* node.c paces by it, whatever is told */
 	r->nodes = calloc(l->room->n_nodes, sizeof(*r->nodes));
 	if (!r->nodes)
 		return;
 	r->n_nodes = l->room->n_nodes;
-	r->limit_ms = limit_ms(l);
 	r->measured = l->draw_everything;
 	r->leaf_cells = t->first[t->n_levels] - t->first[t->n_levels - 1];
 	r->brick_bytes = bb_bricks_brick_bytes(h);
@@ -119,7 +119,8 @@ bool bb_streaming_ready(struct bb_node_machine *n, int64_t received_ns, int64_t 
 		return false;
 	const double limit = n->loop->result->streaming.limit_ms;
 	const struct bb_stream_load load = { .frame = n->frame, .at_ns = received_ns - n->loop->scene_start_ns,
-		                             .bricks = n->counts.loaded, .bytes = n->counts.bytes,
+		                             .bricks = n->counts.arrived,
+		                             .bytes = n->counts.arrived * n->loop->result->streaming.brick_bytes,
 		                             .ms = (double)n->load_ns * 1e-6,
 		                             .frame_ms = (double)(ready_ns - received_ns) * 1e-6 };
 	r->load_sum_ms += load.ms;

@@ -131,8 +131,8 @@ void bb_report_streaming(FILE *f, const struct bb_run_result *r)
 	fprintf(f, ".%s</p>\n", r->streaming.measured ? " Measured: selecting, and taking over what the disk has given; what a GL "
 	        "library uploads is part of drawing." : "");
 	put_nodes(f, r);
-	fputs("<p class=\"soft small\">Missing: bricks that would be split further if their children were here. Coarser cells: "
-	      "the same as parts of the volume, in bricks of full resolution.</p>\n", f);
+	fputs("<p class=\"soft small\">Missing: bricks of the plan that are not here yet, for both steps on show alike. Coarser "
+	      "cells: the parts of the volume they stand for, in bricks of full resolution, once for each step.</p>\n", f);
 	put_trouble(f, r);
 	bb_plot_streaming(f, r);
 }

@@ -47,7 +47,7 @@ struct bb_trade_point {
 	uint64_t rays, samples;         /* geometric, of one frame, mean over the pictures */
 	double bytes_mean, bytes_most;  /* streamed, of a frame */
 	double bricks_mean, bricks_most;
-	double missing_share;           /* of the bricks drawn, those whose parent stood in; 0 when nothing streams */
+	double missing_share;           /* of the bricks drawn, those an ancestor stood in for; 0 when nothing streams */
 	uint64_t memory_bytes, atlas_bricks;
 	/* measured, ms: medians; spread from the 10th to the 90th percentile */
 	double draw_ms, draw_low_ms, draw_high_ms, stream_ms, frame_ms;

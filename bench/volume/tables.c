@@ -1,6 +1,7 @@
 #include "bench/volume/tables.h"
 #include "bench/volume/rank.h"
 #include "render/bricks/build.h"
+#include "render/parallel.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -28,7 +29,6 @@ static uint32_t scaled(uint32_t n, double scale, uint32_t least)
 enum bb_status bb_tables_build(const struct bb_tables_set *set, double scale, uint32_t brick, const char *path,
 			       struct bb_error *err)
 {
-	const long processors = sysconf(_SC_NPROCESSORS_ONLN);
 	const uint32_t dim[3] = { scaled(set->dim[0], scale, 8), scaled(set->dim[1], scale, 8),
 				  scaled(set->dim[2], scale, 8) };
 	struct bb_build_config config = { .path = path,
@@ -36,7 +36,7 @@ enum bb_status bb_tables_build(const struct bb_tables_set *set, double scale, ui
 					  .pad = 1,
 					  .type = BB_BRICK_U8, /* as theirs */
 					  .memory_bytes = UINT64_C(512) << 20,
-					  .threads = processors > 0 && processors < 64 ? (unsigned)processors : 1 };
+					  .threads = bb_parallel_processors() };
 	struct bb_build_report report;
 	struct bb_steps *steps = NULL;
 	enum bb_status status = bb_steps_generate(set->kind, dim, scaled(set->n_steps, scale, 4), &steps, err);

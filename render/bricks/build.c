@@ -1,4 +1,5 @@
 #include "render/bricks/build_private.h"
+#include "hal/file.h"
 #include "render/bricks/values.h"
 #include "render/parallel.h"
 
@@ -298,6 +299,10 @@ static void leave_memory(struct bb_build *b)
 
 static void open_files(struct bb_build *b)
 {
+	if (!bb_path_may_be_replaced(b->config->path)) {
+		bb_build_fail(b, BB_ERR_IO, 1901, "it is there and no regular file");
+		return;
+	}
 	snprintf(b->part, sizeof(b->part), "%.*s.part", (int)sizeof(b->part) - 8, b->config->path);
 	snprintf(b->state, sizeof(b->state), "%s.state", b->part);
 	b->fd = open(b->part, O_RDWR | O_CREAT | O_CLOEXEC, 0644);

@@ -142,11 +142,13 @@ static void merge_times(void *ctx, size_t i, unsigned thread)
 
 /* Over all steps of a time node, at the leaves: each voxel's deviation from its mean over time, and how far that is
  * wrong. */
-static double leaf_errors(const struct bb_build *b, const struct brick *k, struct bb_bins *bins, struct bb_moments *m)
+static double leaf_errors(const struct bb_build *b, const struct brick *k, struct bb_bins bins[2],
+			  struct bb_bin_sums *sums, struct bb_moments *m)
 {
 	const struct bb_tree_span *s = &b->span[k->tau];
 	const double steps = s->to - s->from, floor = 1e-3 * (b->h.most - b->h.least);
 	double apart = 0, dev = 0, cov = 0;
+	uint32_t met = 0;
 
 	if (steps <= 1) /* a leaf is never wrong */
 		return 0;
@@ -167,6 +169,11 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 				}
 				bb_bins_spans(bins, here, there, nx);
 			}
+			met += nx * (s->to - s->from);
+			if (met > BB_BINS_MOST / 2) {
+				bb_bins_spill(bins, 2, sums);
+				met = 0;
+			}
 			for (uint32_t x = 0; x < nx; x++) {
 				const double sigma = sqrt(square[x] / steps),
 					     level = fmax(fabs((double)mean[x]), floor);
@@ -182,12 +189,14 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 }
 
 /* Above the leaves, from the voxels of the data that were kept. */
-static double sampled_errors(const struct bb_build *b, const struct brick *k, struct bb_bins *bins, double *n)
+static double sampled_errors(const struct bb_build *b, const struct brick *k, struct bb_bins bins[2],
+			     struct bb_bin_sums *sums, double *n)
 {
 	const uint32_t shift = b->h.tree.n_levels - 1 - b->level;
 	const struct bb_tree_span *s = &b->span[k->tau];
 	uint32_t from[3], to[3], at[3], cell[3];
 	double apart = 0;
+	uint32_t met = 0;
 
 	cells_of(b, k, from, to);
 	for (cell[2] = from[2]; cell[2] < to[2]; cell[2]++)
@@ -204,12 +213,17 @@ static double sampled_errors(const struct bb_build *b, const struct brick *k, st
 					apart += fabs((double)v - (double)shown);
 				}
 				*n += s->to - s->from;
+				met += s->to - s->from;
+				if (met > BB_BINS_MOST / 2) {
+					bb_bins_spill(bins, 2, sums);
+					met = 0;
+				}
 			}
 	return *n > 0 ? apart / *n : 0;
 }
 
 /* Against its two temporal children, which have the same voxels. Returns the number of comparisons. */
-static double time_errors(const struct bb_build *b, const struct brick *k, struct bb_bins *bins)
+static double time_errors(const struct bb_build *b, const struct brick *k, struct bb_bins bins[2])
 {
 	const struct bb_tree_span *s = &b->span[k->tau];
 	double n = 0;
@@ -233,20 +247,20 @@ static size_t statistics(struct bb_build *b, const struct brick *k, struct bb_bu
 	const struct bb_tree_span *s = &b->span[k->tau];
 	uint16_t leaf[BB_STATS_BINS], h[BB_STATS_BINS];
 	size_t n = bb_histogram_encode(node->values, out);
+	struct bb_bin_sums sums = { 0 };
 	double many = 0, error;
 
-	memset(w->bins, 0, sizeof(w->bins));
 	if (bb_build_at_leaves(b)) {
 		many = node->moments.n;
-		error = leaf_errors(b, k, w->bins, &node->moments);
+		error = leaf_errors(b, k, w->bins, &sums, &node->moments);
 	} else {
-		error = sampled_errors(b, k, w->bins, &many);
+		error = sampled_errors(b, k, w->bins, &sums, &many);
 	}
-	bb_bins_join(w->bins);
-	bb_bins_close(w->bins, many, leaf);
+	bb_bins_spill(w->bins, 2, &sums);
+	bb_bins_close(&sums, many, leaf);
 	n += bb_histogram_encode(leaf, out + n);
 	if (b->space) { /* a child voxel each; eight of them make one of ours */
-		const struct bb_bins *bins = &b->space[(size_t)k->tau * b->n_here + k->here];
+		struct bb_bins *bins = &b->space[(size_t)k->tau * b->n_here + k->here];
 		const struct bb_tree_place p = bb_tree_place(&b->h.tree, b->h.tree.first[b->level] + k->here);
 		const uint32_t *fine = b->h.tree.voxels[b->level + 1];
 		many = 1;
@@ -254,7 +268,9 @@ static size_t statistics(struct bb_build *b, const struct brick *k, struct bb_bu
 			const uint32_t from = 2 * p.at[a] * b->h.tree.edge, to = from + 2 * b->h.tree.edge;
 			many *= (to < fine[a] ? to : fine[a]) - from;
 		}
-		bb_bins_close(bins, many, h);
+		sums = (struct bb_bin_sums){ 0 };
+		bb_bins_spill(bins, 1, &sums);
+		bb_bins_close(&sums, many, h);
 	} else {
 		memset(h, 0, sizeof(h));
 	}
@@ -262,10 +278,10 @@ static size_t statistics(struct bb_build *b, const struct brick *k, struct bb_bu
 	if (bb_build_at_leaves(b) && s->to - s->from <= 2) { /* its children are the leaves */
 		n += bb_histogram_encode(leaf, out + n);
 	} else {
-		memset(w->bins, 0, sizeof(w->bins));
+		sums = (struct bb_bin_sums){ 0 };
 		many = time_errors(b, k, w->bins);
-		bb_bins_join(w->bins);
-		bb_bins_close(w->bins, many, h);
+		bb_bins_spill(w->bins, 2, &sums);
+		bb_bins_close(&sums, many, h);
 		n += bb_histogram_encode(h, out + n);
 	}
 	*m = (struct bb_bricks_moments){ .mean = (float)node->moments.mean,

@@ -59,7 +59,7 @@ struct bb_build_work {   /* of one thread */
 	float *voxels;   /* a brick's own voxels, then all that is stored of it */
 	float *rows;     /* a plane of the next level, as far as the slab makes one */
 	uint8_t *stored; /* the same as bytes */
-	struct bb_bins bins[2];
+	struct bb_bins bins[2]; /* empty between bricks */
 };
 
 struct bb_build_output { /* of one time node in a unit */

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define STATE_MAGIC UINT64_C(0x3245544154534242) /* "BBSTATE2" */
+#define STATE_MAGIC UINT64_C(0x3345544154534242) /* "BBSTATE3" */
 
 struct state_head { /* of this machine and this build only: never carried elsewhere */
 	uint64_t magic, fingerprint;

@@ -68,16 +68,18 @@ static uint16_t part_of(double sum, double n)
 	return n > 0 ? (uint16_t)(fmin(fmax(sum / n, 0), 1) * 65535 + 0.5) : 0;
 }
 
-void bb_bins_join(struct bb_bins b[2])
+void bb_bins_spill(struct bb_bins *b, size_t n, struct bb_bin_sums *sums)
 {
-	for (size_t i = 0; i <= BB_STATS_BINS; i++) {
-		b[0].at[i].part += b[1].at[i].part;
-		b[0].at[i].below += b[1].at[i].below;
-	}
-	memset(&b[1], 0, sizeof(b[1]));
+	for (size_t k = 0; k < n; k++)
+		for (size_t i = 0; i <= BB_STATS_BINS; i++) {
+			const uint64_t high = b[k].high[i], low = b[k].low[i];
+			sums->at[i].part += (int64_t)(high & UINT32_MAX) - (int64_t)(low & UINT32_MAX);
+			sums->at[i].below += (int64_t)(high >> 32) - (int64_t)(low >> 32);
+		}
+	memset(b, 0, n * sizeof(*b));
 }
 
-void bb_bins_close(const struct bb_bins *b, double n, uint16_t out[BB_STATS_BINS])
+void bb_bins_close(const struct bb_bin_sums *b, double n, uint16_t out[BB_STATS_BINS])
 {
 	int64_t above = b->at[BB_STATS_BINS].below;
 

@@ -44,18 +44,22 @@ struct bb_bin_scale bb_bin_scale(double least, double most);
 
 static inline uint16_t bb_bin_place(const struct bb_bin_scale *s, float v)
 {
-	const float at = (v - s->least) * s->per_bin;
 	const float most = BB_STATS_PLACES;
+	float at = (v - s->least) * s->per_bin;
 
-	return (uint16_t)(at > 0 ? (at < most ? at : most) : 0);
+	at = at > 0 ? at : 0; /* one after the other: a minimum and a maximum, no branch; NaN is 0 */
+	at = at < most ? at : most;
+	return (uint16_t)(int)at;
 }
 
-/* Bins being filled: the stretch from the first bin to a place is the part of its own bin and one for all bins below.
+/*
+ * Bins being filled: places where stretches end and where they begin, each a number of places and, below it in the same
+ * word, the sum of their parts of a bin, so that a stretch costs two additions. Words of its own for each end, since
+ * both often fall into one bin and an addition that waits for the one before takes five times as long.
  */
+#define BB_BINS_MOST (UINT32_MAX / 255) /* stretches */
 struct bb_bins {
-	struct {
-		int64_t part, below;
-	} at[BB_STATS_BINS + 1];
+	uint64_t high[BB_STATS_BINS + 1], low[BB_STATS_BINS + 1];
 };
 
 /* The bins between two places, in O(1) and without a branch: up to the higher one less up to the lower one. */
@@ -63,16 +67,11 @@ static inline void bb_bins_span(struct bb_bins *b, uint16_t from, uint16_t to)
 {
 	const unsigned low = from < to ? from : to, high = from < to ? to : from;
 
-	b->at[high / 256].part += high % 256;
-	b->at[high / 256].below++;
-	b->at[low / 256].part -= low % 256;
-	b->at[low / 256].below--;
+	b->high[high / 256] += (UINT64_C(1) << 32) + high % 256;
+	b->low[low / 256] += (UINT64_C(1) << 32) + low % 256;
 }
 
-/*
- * n pairs of places. Neighbours often fall into one bin, and an addition that waits for the one before takes five times
- * as long, so every second pair goes to bins of its own.
- */
+/* n pairs of places, every second one to bins of its own for the same reason. */
 static inline void bb_bins_spans(struct bb_bins b[2], const uint16_t *from, const uint16_t *to, size_t n)
 {
 	size_t i = 0;
@@ -84,7 +83,15 @@ static inline void bb_bins_spans(struct bb_bins b[2], const uint16_t *from, cons
 	if (i < n)
 		bb_bins_span(&b[0], from[i], to[i]);
 }
-void bb_bins_join(struct bb_bins b[2]); /* the second into the first, and empties it */
+
+/* Of any number of stretches: the parts of each bin, and the stretches that begin less those that end there. */
+struct bb_bin_sums {
+	struct {
+		int64_t part, below;
+	} at[BB_STATS_BINS + 1];
+};
+/* Adds n bins, which are empty then. */
+void bb_bins_spill(struct bb_bins *b, size_t n, struct bb_bin_sums *sums);
 
 static inline void bb_bins_count(uint32_t counts[BB_STATS_BINS], uint16_t place)
 {
@@ -95,7 +102,7 @@ static inline void bb_bins_count(uint32_t counts[BB_STATS_BINS], uint16_t place)
 void bb_counts_close(const uint32_t counts[BB_STATS_BINS], double n, uint16_t out[BB_STATS_BINS]);
 
 /* As parts of n voxels, 65535 each being all of them. */
-void bb_bins_close(const struct bb_bins *b, double n, uint16_t out[BB_STATS_BINS]);
+void bb_bins_close(const struct bb_bin_sums *b, double n, uint16_t out[BB_STATS_BINS]);
 /* The mean of histograms of na and nb voxels, into out, which may be one of them. */
 void bb_histogram_merge(const uint16_t *a, double na, const uint16_t *b, double nb, uint16_t *out);
 

@@ -324,9 +324,8 @@ static enum bb_status send_table(struct bb_gl_copy *c, const struct bb_gl *gl, c
 		fill_row(tf, step_voxels * (double)(UINT32_C(1) << up), table + (size_t)up * BB_GL_TABLE_ENTRIES);
 	use(c, gl, BB_GL_TABLE);
 	gl->TexImage1D(GL_TEXTURE_1D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, 0, GL_RGBA, GL_FLOAT, table);
-	use(c, gl, BB_GL_TABLES);
-	if (levels > 1)
-		gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
+	use(c, gl, BB_GL_TABLES); /* a single row, too: a volume of one cell may be drawn by level */
+	gl->TexImage2D(GL_TEXTURE_2D, 0, GL_RGBA32F, BB_GL_TABLE_ENTRIES, (GLsizei)levels, 0, GL_RGBA, GL_FLOAT, table);
 	free(table);
 	if (!c->levels || !same_transfer(&c->transfer, tf)) {
 		bb_gl_sight_make(tf, &c->sight);

@@ -94,7 +94,7 @@ void bb_stream_disk_stop(struct bb_stream_disk *d)
 		return;
 	d->stalled = false;
 	d->disk_ns = d->free_ns;
-	bb_stream_commit(d->s, d->seen_ns, &counts);
+	bb_stream_commit(d->s, SIZE_MAX, d->seen_ns, &counts);
 	d->s->loader = &d->s->now;
 	free(d->queue);
 	free(d->ready_ns);

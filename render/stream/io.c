@@ -152,7 +152,7 @@ void bb_stream_io_stop(struct bb_stream_io *io)
 	pthread_cond_signal(&io->work);
 	pthread_mutex_unlock(&io->lock);
 	pthread_join(io->thread, NULL);
-	bb_stream_commit(io->s, 0, &counts);
+	bb_stream_commit(io->s, SIZE_MAX, 0, &counts);
 	io->s->loader = &io->s->now;
 	release(io);
 }

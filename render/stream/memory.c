@@ -36,9 +36,10 @@ static uint64_t bytes_for(const struct bb_stream *s, uint64_t n_slots)
 {
 	const struct bb_atlas *a = &s->atlas;
 	const uint64_t each = a->slot_bytes + blocks_of(a) * sizeof(*s->range) + sizeof(*s->slot_generation) +
-			      sizeof(*s->slots.slot) + 2 * sizeof(*s->plan.heap) + sizeof(*s->wish) + 2 * sizeof(*s->load);
+			      sizeof(*s->slots.slot) + 2 * sizeof(*s->plan.heap) + sizeof(*s->wish) + 3 * sizeof(*s->load);
 	const uint64_t once = bb_atlas_slack_bytes(a) + 2 * cells_of(a) * sizeof(*s->map[0]) +
-			      SPARE * (2 * sizeof(*s->plan.heap) + sizeof(*s->wish)) + bb_bricks_reader_bytes(s->reader);
+			      SPARE * (2 * sizeof(*s->plan.heap) + sizeof(*s->wish)) + bb_bricks_reader_bytes(s->reader) +
+			      s->config.views_most * (sizeof(*s->view) + sizeof(*s->frustum));
 
 	return each * n_slots + once + hash_size((uint32_t)n_slots) * sizeof(*s->slots.hash);
 }
@@ -95,6 +96,8 @@ enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err)
 
 	if (status)
 		return status;
+	if (s->complete && n_cells > INT32_MAX / 4)
+		return bb_fail(err, BB_ERR_RANGE, 1702, NULL, "%zu bricks at once; set a memory budget", 2 * n_cells);
 	const uint32_t n = s->complete ? (uint32_t)(2 * n_cells + 1) : slots_that_fit(s, s->config.memory_bytes);
 	bool ok = true;
 
@@ -114,8 +117,11 @@ enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err)
 	s->plan.heap = take(s, n + SPARE, sizeof(*s->plan.heap), &ok);
 	s->plan.target = take(s, n + SPARE, sizeof(*s->plan.target), &ok);
 	s->wish = take(s, n + SPARE, sizeof(*s->wish), &ok);
+	s->view = take(s, s->config.views_most, sizeof(*s->view), &ok);
+	s->frustum = take(s, s->config.views_most, sizeof(*s->frustum), &ok);
 	s->load = take(s, n, sizeof(*s->load), &ok);
 	s->done = take(s, n, sizeof(*s->done), &ok);
+	s->ready = take(s, n, sizeof(*s->ready), &ok);
 	a->bricks = s->bricks;
 	a->range = s->range;
 	a->slot_generation = s->slot_generation;
@@ -130,7 +136,8 @@ enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err)
 void bb_stream_give(struct bb_stream *s)
 {
 	void *const all[] = { s->bricks,     s->range,       s->slot_generation, s->map[0], s->map[1], s->slots.slot,
-			      s->slots.hash, s->plan.heap, s->plan.target,     s->wish,   s->load,   s->done };
+			      s->slots.hash, s->plan.heap, s->plan.target,     s->wish,   s->load,   s->done,
+			      s->ready,      s->view,        s->frustum };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(all); i++)
 		free(all[i]);
@@ -143,7 +150,10 @@ void bb_stream_give(struct bb_stream *s)
 	s->slots = (struct bb_slots){ 0 };
 	s->plan = (struct bb_plan){ 0 };
 	s->wish = NULL;
-	s->load = s->done = NULL;
+	s->view = NULL;
+	s->frustum = NULL;
+	s->load = s->done = s->ready = NULL;
+	s->n_ready = 0;
 	s->held_bytes = 0;
 }
 

@@ -11,6 +11,8 @@
 
 #define NO_SPACE 1
 #define NO_TIME 2
+#define IN_TIME 4  /* the way that is worth more */
+#define FAR_FRAMES 1e6 /* later than that is all the same */
 #define STREAM_SHARE 0.85 /* of the streaming budget that may be planned for: the rest is for what was not foreseen */
 #define HURRY 4.0 /* how fast a step gains weight as it comes nearer: 2^4 in the time of one step */
 
@@ -49,9 +51,9 @@ static void add_ahead(struct bb_stream *s, const struct bb_stream_frame *f, doub
 {
 	struct bb_plan *p = &s->plan;
 
-	for (size_t i = 0; i < f->n_ahead && i < 4; i++) {
+	for (size_t i = 0; i < f->n_ahead && i < BB_STREAM_AHEAD_MOST; i++) {
 		const double t = clamped(f->ahead[i], s->tree->n_steps), units = (double)i + left;
-		const uint32_t due = (uint32_t)fmax(1, units * f->ahead_frames);
+		const uint32_t due = (uint32_t)fmin(fmax(1, units * f->ahead_frames), FAR_FRAMES);
 		const float weight = (float)exp2(-HURRY * units);
 		add_step(p, (uint32_t)t, due, weight);
 		add_step(p, next_to(s, t, way), due, weight);
@@ -103,7 +105,7 @@ static void chosen(struct bb_plan *p, const struct bb_target *t)
 }
 
 /* What its best split is worth now. */
-static void rate(const struct bb_stream *s, struct bb_target *t, bool *in_time)
+static void rate(const struct bb_stream *s, struct bb_target *t)
 {
 	const uint64_t id = bb_stream_brick(s, t->node, t->tau);
 	const float weight = weight_of(&s->plan, t->steps);
@@ -113,8 +115,8 @@ static void rate(const struct bb_stream *s, struct bb_target *t, bool *in_time)
 	const float space = t->closed & NO_SPACE ? -1 : s->space[id] * bb_sight_weight(&s->sight, t->node);
 	const float time = t->closed & NO_TIME ? -1 : s->time[id] * pixels * pixels;
 
-	*in_time = time >= space;
-	t->points = (*in_time ? time : space) * weight;
+	t->closed = (uint8_t)(time >= space ? t->closed | IN_TIME : t->closed & ~IN_TIME);
+	t->points = (time >= space ? time : space) * weight;
 }
 
 /* Onto the heap while there is something to split it into, else it is chosen. */
@@ -122,9 +124,8 @@ static void push(struct bb_stream *s, struct bb_target t)
 {
 	struct bb_plan *p = &s->plan;
 	uint32_t i = p->n_heap;
-	bool in_time;
 
-	rate(s, &t, &in_time);
+	rate(s, &t);
 	if (!(t.points > 0)) {
 		chosen(p, &t);
 		return;
@@ -270,8 +271,7 @@ void bb_plan_make(struct bb_stream *s)
 	push(s, (struct bb_target){ .steps = (uint8_t)((1U << p->n_steps) - 1), .rank = INFINITY });
 	while (p->n_heap) {
 		struct bb_target t = pop(p);
-		bool in_time;
-		rate(s, &t, &in_time);
+		const bool in_time = t.closed & IN_TIME;
 		if (in_time ? split_time(s, &t) : split_space(s, &t))
 			continue;
 		t.closed |= in_time ? NO_TIME : NO_SPACE; /* the other way it may still fit */

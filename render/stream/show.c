@@ -72,6 +72,11 @@ uint32_t bb_show_kept(const struct bb_stream *s)
 	return (s->kept + RETURN_FRAMES - 1) / RETURN_FRAMES;
 }
 
+static bool is_shown(const struct bb_plan *p, const struct bb_target *t)
+{
+	return t->steps & (p->n_shown == 2 ? 3 : 1);
+}
+
 void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts)
 {
 	const struct bb_plan *p = &s->plan;
@@ -80,7 +85,7 @@ void bb_show(struct bb_stream *s, double step, struct bb_stream_counts *counts)
 
 	for (uint32_t i = 0; i < p->n_targets; i++) {
 		const struct bb_target *t = &p->target[i];
-		if (!(t->steps & (p->n_shown == 2 ? 3 : 1)))
+		if (!is_shown(p, t))
 			continue;
 		slot = bb_show_best(s, t->node, t->tau, &level);
 		const bool itself = s->slots.slot[slot].brick == bb_stream_brick(s, t->node, t->tau);

@@ -8,11 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define VIEWS_USUAL 16
+#define SETTLE_FRAMES 256 /* more than the tree has levels, in space and in time, many times over */
+
 /* ---- what has been read ---- */
 
-void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_counts *counts)
+void bb_stream_commit(struct bb_stream *s, size_t most, int64_t now_ns, struct bb_stream_counts *counts)
 {
-	const size_t n = s->loader->collect(s->loader, s->done, s->slots.n, now_ns);
+	const size_t n = s->loader->collect(s->loader, s->done, most < s->slots.n ? most : s->slots.n, now_ns);
 
 	for (size_t i = 0; i < n; i++) {
 		const struct bb_load *load = &s->done[i];
@@ -33,23 +36,24 @@ void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_coun
 static void submit_now(struct bb_loader *loader, const struct bb_load *loads, size_t n, int64_t now_ns)
 {
 	struct bb_stream *s = bb_container_of(loader, struct bb_stream, now);
+	struct bb_load *ready = s->ready + s->n_ready;
 
 	(void)now_ns;
-	memcpy(s->done + s->n_done, loads, n * sizeof(*loads));
+	memcpy(ready, loads, n * sizeof(*loads));
 	for (size_t i = 0; i < n; i += BB_READ_MOST)
-		bb_stream_read(s, s->done + s->n_done + i, n - i < BB_READ_MOST ? n - i : BB_READ_MOST, &s->error);
-	s->n_done += n;
+		bb_stream_read(s, ready + i, n - i < BB_READ_MOST ? n - i : BB_READ_MOST, &s->error);
+	s->n_ready += n;
 }
 
 static size_t collect_now(struct bb_loader *loader, struct bb_load *done, size_t cap, int64_t now_ns)
 {
 	struct bb_stream *s = bb_container_of(loader, struct bb_stream, now);
-	const size_t n = s->n_done;
+	const size_t n = s->n_ready < cap ? s->n_ready : cap;
 
-	(void)done; /* it is s->done, where they already stand */
-	(void)cap;
 	(void)now_ns;
-	s->n_done = 0;
+	memcpy(done, s->ready, n * sizeof(*done));
+	memmove(s->ready, s->ready + n, (s->n_ready - n) * sizeof(*s->ready));
+	s->n_ready -= n;
 	return n;
 }
 
@@ -58,13 +62,12 @@ static size_t collect_now(struct bb_loader *loader, struct bb_load *done, size_t
 static void look(struct bb_stream *s, const struct bb_stream_frame *f)
 {
 	const struct bb_bricks_header *h = bb_bricks_header(s->config.bricks);
-	const size_t n = f->n_views < BB_VIEWS_MOST ? f->n_views : BB_VIEWS_MOST;
-	struct bb_sight_view view[BB_VIEWS_MOST];
+	const size_t n = f->n_views < s->config.views_most ? f->n_views : s->config.views_most;
 
 	for (size_t i = 0; i < n; i++)
-		view[i] = (struct bb_sight_view){ &f->views[i], f->width_px, f->height_px };
-	bb_sight_prepare(s->tree, h->grid, h->extent, &s->config.placement.pose, s->config.placement.size_m, view, n, s->hide.seen,
-			 s->frustum, &s->sight);
+		s->view[i] = (struct bb_sight_view){ &f->views[i], f->width_px, f->height_px };
+	bb_sight_prepare(s->tree, h->grid, h->extent, &s->config.placement.pose, s->config.placement.size_m, s->view, n,
+			 s->hide.seen, s->frustum, &s->sight);
 }
 
 struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_stream_frame *f)
@@ -72,7 +75,7 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_str
 	struct bb_stream_counts counts = { 0 };
 
 	s->slots.frame++;
-	bb_stream_commit(s, f->now_ns, &counts);
+	bb_stream_commit(s, bb_budget_of(s, f), f->now_ns, &counts);
 	bb_slots_touch(&s->slots, s->root);
 	bb_plan_steps(s, f);
 	look(s, f);
@@ -90,13 +93,11 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_str
 
 unsigned bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *f)
 {
+	const uint32_t most = SETTLE_FRAMES + (s->config.bricks_per_frame ? 2 * s->slots.n / s->config.bricks_per_frame : 0);
 	unsigned n = 0;
-	struct bb_stream_counts c;
 
-	do {
-		c = bb_stream_frame(s, f);
-		n++;
-	} while (c.loaded);
+	while (n++ < most && (bb_stream_frame(s, f).loaded || s->slots.n_pending))
+		;
 	return n;
 }
 
@@ -115,12 +116,15 @@ static enum bb_status rate_all(struct bb_stream *s, struct bb_error *err)
 
 	if (s->complete)
 		return BB_OK;
+	float *work = malloc(s->tree->n_bricks * sizeof(*work));
+	if (!work)
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings");
 	bb_hide_edit(s);
 	bb_gain_weights(s->config.transfer, &w);
-	const enum bb_status status =
-		bb_gain_points(s->config.bricks, &w, s->config.gain, s->space, s->time, s->work, err);
+	const enum bb_status status = bb_gain_points(s->config.bricks, &w, s->config.gain, s->space, s->time, work, err);
 	if (!status && s->config.gain == BB_GAIN_LEAF)
-		bb_gain_press_on(s->work, s->tree->n_bricks, s->space, s->time);
+		bb_gain_press_on(work, s->tree->n_bricks, s->space, s->time);
+	free(work);
 	return status;
 }
 
@@ -154,17 +158,19 @@ static enum bb_status begin(struct bb_stream *s, struct bb_error *err)
 	if (!s->complete) {
 		s->space = malloc(n * sizeof(*s->space));
 		s->time = malloc(n * sizeof(*s->time));
-		s->work = malloc(n * sizeof(*s->work));
 	}
 	if (!s->complete && s->config.occlusion) {
-		s->hide.light = calloc(s->tree->n_nodes, sizeof(*s->hide.light));
+		const uint32_t n_cells = s->tree->n_nodes - s->tree->first[s->tree->n_levels - 1];
+		s->hide.light = calloc(n_cells, sizeof(*s->hide.light));
 		s->hide.seen = calloc(s->tree->n_nodes, sizeof(*s->hide.seen));
 		if (!s->hide.light || !s->hide.seen)
 			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "the light of %u nodes", s->tree->n_nodes);
-		for (uint32_t i = 0; i < s->tree->n_nodes; i++) /* until a ray says otherwise */
-			s->hide.light[i] = s->hide.seen[i] = 1;
+		for (uint32_t i = 0; i < n_cells; i++) /* until a ray says otherwise */
+			s->hide.light[i] = 1;
+		for (uint32_t i = 0; i < s->tree->n_nodes; i++)
+			s->hide.seen[i] = 1;
 	}
-	if (!s->bad || (!s->complete && (!s->space || !s->time || !s->work)))
+	if (!s->bad || (!s->complete && (!s->space || !s->time)))
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "ratings of %llu bricks", (unsigned long long)n);
 	enum bb_status status = bb_stream_take(s, err);
 	if (!status)
@@ -184,6 +190,7 @@ enum bb_status bb_stream_create(const struct bb_stream_config *config, struct bb
 	if (!s)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a stream");
 	s->config = *config;
+	s->config.views_most = config->views_most ? config->views_most : VIEWS_USUAL;
 	s->complete = !config->memory_bytes;
 	s->tree = &h->tree;
 	s->now = (struct bb_loader){ submit_now, collect_now };
@@ -205,7 +212,6 @@ void bb_stream_destroy(struct bb_stream *s)
 	bb_stream_give(s);
 	free(s->space);
 	free(s->time);
-	free(s->work);
 	free(s->bad);
 	free(s->hide.light);
 	free(s->hide.seen);
@@ -218,19 +224,37 @@ enum bb_status bb_stream_set_transfer(struct bb_stream *s, const struct bb_trans
 	return rate_all(s, err);
 }
 
+/* Both at once would be more than either budget: what there was goes first. */
+static enum bb_status begin_anew(struct bb_stream *s, uint64_t memory_bytes, struct bb_error *err)
+{
+	s->config.memory_bytes = memory_bytes;
+	bb_stream_give(s);
+	const enum bb_status status = bb_stream_take(s, err);
+	return status ? status : load_root(s, err);
+}
+
 enum bb_status bb_stream_set_budget(struct bb_stream *s, uint64_t memory_bytes, uint32_t bricks_per_frame,
 				    struct bb_error *err)
 {
-	s->config.bricks_per_frame = bricks_per_frame;
-	if (memory_bytes == s->config.memory_bytes)
+	const uint64_t before = s->config.memory_bytes;
+
+	if (memory_bytes == before) {
+		s->config.bricks_per_frame = bricks_per_frame;
 		return BB_OK;
+	}
 	if (!memory_bytes || s->complete || s->loader != &s->now)
-		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "a memory budget can be changed, not given up, and not while a thread reads");
-	s->config.memory_bytes = memory_bytes;
-	s->n_done = 0;
-	bb_stream_give(s); /* first: both at once would be more than either budget */
-	const enum bb_status status = bb_stream_take(s, err);
-	return status ? status : load_root(s, err);
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL,
+			       "a memory budget can be changed, not given up, and not while a thread reads");
+	const enum bb_status status = begin_anew(s, memory_bytes, err);
+	if (!status) {
+		s->config.bricks_per_frame = bricks_per_frame;
+		return BB_OK;
+	}
+	struct bb_error again = { 0 };
+	const enum bb_status back = begin_anew(s, before, &again);
+	if (back)
+		*err = again;
+	return back ? back : status;
 }
 
 const struct bb_atlas *bb_stream_atlas(const struct bb_stream *s)

@@ -12,8 +12,7 @@
 #define BB_NO_BRICK UINT64_MAX
 #define BB_NO_SLOT UINT32_MAX
 #define BB_HIDE_ENTRIES 1024
-#define BB_VIEWS_MOST 128
-#define BB_STEPS_MOST 6 /* two on show, four ahead */
+#define BB_STEPS_MOST (2 + BB_STREAM_AHEAD_MOST) /* two on show, those ahead */
 
 struct bb_load { /* put this brick into that slot */
 	uint64_t brick;
@@ -49,7 +48,7 @@ struct bb_target { /* a brick that should stand for part of the volume in some o
 	float points;  /* of the split that would make it finer; on the heap */
 	float rank;    /* of the split that it came from: how much is lost without it */
 	uint8_t steps; /* bits: of bb_plan.step */
-	uint8_t closed; /* ways of splitting it that do not fit */
+	uint8_t closed; /* ways of splitting it that do not fit, and which is worth more */
 };
 
 struct bb_plan {
@@ -84,20 +83,21 @@ struct bb_stream {
 	struct bb_plan plan;
 	struct bb_wish *wish;  /* [n_slots + 8] */
 	uint32_t n_wishes;
-	struct bb_load *load, *done; /* [n_slots] */
-	size_t n_done;         /* of the loader that reads at once */
+	struct bb_load *load, *done; /* [n_slots] asked for; come, in this frame */
+	struct bb_load *ready; /* [n_slots] of the loader that reads at once */
+	size_t n_ready;
 	struct bb_bricks_reader *reader;
 	struct bb_loader now;  /* that loader */
 	struct bb_loader *loader;
 	struct bb_sight sight;
-	struct bb_sight_frustum frustum[BB_VIEWS_MOST];
+	struct bb_sight_view *view; /* [config.views_most] */
+	struct bb_sight_frustum *frustum;
 	struct {
 		float opacity[BB_HIDE_ENTRIES]; /* of a step, by value */
 		float *light;                   /* [cells] the largest share that came here lately */
 		float *seen;                    /* [n_nodes] for the sight */
 	} hide;
-	float *space, *time;   /* [n_bricks] points, and work */
-	float *work;
+	float *space, *time;   /* [n_bricks] points */
 	uint64_t held_bytes;   /* under the memory budget */
 	uint64_t n_failed, n_odd; /* bricks that could not be read; values that were out of range */
 	uint64_t *bad;         /* bits: bricks that are not asked for again */
@@ -126,7 +126,8 @@ void bb_slots_clear(struct bb_slots *s); /* nothing is anywhere */
 void bb_plan_steps(struct bb_stream *s, const struct bb_stream_frame *frame);
 void bb_plan_make(struct bb_stream *s);
 
-/* show.c. Before anything goes: what stands in for missing targets is kept, as far as there are slots besides theirs. */
+/* show.c. Before anything goes: what stands in for missing targets, those of the steps ahead
+ * included, is kept as far as there are slots besides theirs. */
 void bb_show_keep(struct bb_stream *s);
 uint32_t bb_show_kept(const struct bb_stream *s);
 /* After it: fills the maps from the targets and what stands in for them; counts. */
@@ -136,6 +137,8 @@ uint32_t bb_show_best(const struct bb_stream *s, uint32_t node, uint32_t tau, ui
 
 /* wish.c: what the plan has and memory has not; then asks for it, as far as the budget goes. */
 void bb_wish(struct bb_stream *s);
+/* Bricks that may be asked for, and taken in, in this frame. */
+uint32_t bb_budget_of(const struct bb_stream *s, const struct bb_stream_frame *frame);
 void bb_ask(struct bb_stream *s, const struct bb_stream_frame *frame, struct bb_stream_counts *counts);
 
 /* memory.c */
@@ -155,6 +158,7 @@ void bb_count_rays(const struct bb_stream *s, const struct bb_view *view, const 
 		   struct bb_stream_counts *counts);
 
 /* stream.c */
-void bb_stream_commit(struct bb_stream *s, int64_t now_ns, struct bb_stream_counts *counts);
+/* Of what has come, at most so many. */
+void bb_stream_commit(struct bb_stream *s, size_t most, int64_t now_ns, struct bb_stream_counts *counts);
 
 #endif

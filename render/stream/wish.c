@@ -137,13 +137,19 @@ static bool ask(struct bb_stream *s, uint64_t brick, uint32_t *n_loads, struct b
 	return true;
 }
 
+uint32_t bb_budget_of(const struct bb_stream *s, const struct bb_stream_frame *f)
+{
+	const uint32_t most = s->config.bricks_per_frame ? s->config.bricks_per_frame : UINT32_MAX;
+
+	return f->bricks_most < most ? f->bricks_most : most;
+}
+
 void bb_ask(struct bb_stream *s, const struct bb_stream_frame *f, struct bb_stream_counts *counts)
 {
-	uint32_t budget = s->config.bricks_per_frame ? s->config.bricks_per_frame : UINT32_MAX, n = 0;
+	uint32_t budget = bb_budget_of(s, f), n = 0;
 
 	sort(s->wish, s->n_wishes);
 	const uint32_t paced = pace(s);
-	budget = f->bricks_most < budget ? f->bricks_most : budget;
 	budget = paced < budget ? paced : budget;
 	for (uint32_t i = 0; i < s->n_wishes && n < budget; i++) {
 		const uint32_t before = n;

@@ -13,6 +13,7 @@
 #include "render/volume/volume_private.h"
 
 #include "render/text.h"
+#include "render/volume/steps.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -81,16 +82,21 @@ static enum bb_status set_word(struct raw_header *h, enum key key, const char *v
 	return BB_OK;
 }
 
+bool bb_steps_extent_is_sane(const double e[6])
+{
+	const bool r = e[0] >= 0 && e[1] > e[0] && e[1] <= 1e12, theta = e[2] >= 0 && e[3] > e[2] && e[3] < 3.1416;
+
+	return r && theta && e[4] >= -10 && e[4] <= 10 && e[5] > e[4] && e[5] - e[4] < 6.2833;
+}
+
 static enum bb_status set_spherical(struct bb_layout *l, char *value, const struct bb_where *where,
                                     struct bb_error *err)
 {
-	const double *e = l->extent;
-	const enum bb_status status = numbers(value, 6, -10, 1e12, false, l->extent, where, err);
+	const enum bb_status status = numbers(value, 6, -1e12, 1e12, false, l->extent, where, err);
 
 	if (status)
 		return status;
-	/* Angles written with a few digits may be a little too large. */
-	if (!(e[0] >= 0 && e[1] > e[0] && e[2] >= 0 && e[3] > e[2] && e[3] < 3.1416 && e[5] > e[4] && e[5] - e[4] < 6.2833))
+	if (!bb_steps_extent_is_sane(l->extent))
 		return bb_fail(err, BB_ERR_FORMAT, 1422, where, "no such part of a sphere");
 	l->spherical = true;
 	return BB_OK;

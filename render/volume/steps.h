@@ -24,6 +24,8 @@ struct bb_steps {
 	double extent[6]; /* of r, theta (from the pole) and phi: from, to; angles in radians */
 };
 
+/* Is that a part of a sphere? Angles written with a few digits may be a little too large. False for NaN. */
+bool bb_steps_extent_is_sane(const double extent[6]);
 /* paths: in the order of time. 10xx and 14xx; 1446: shapes differ. */
 BB_MUST_CHECK enum bb_status bb_steps_open(const char *const *paths, size_t n_paths, const char *scratch,
 					   struct bb_steps **out, struct bb_error *err);

@@ -1,3 +1,4 @@
+#include "hal/file.h"
 #include "render/parallel.h"
 #include "render/volume/steps.h"
 
@@ -113,6 +114,8 @@ enum bb_status bb_steps_write(const struct bb_steps *s, const char *path, unsign
 	if (!threads || threads > PLANES_MOST)
 		return BB_ERR_RANGE;
 	snprintf(voxels, sizeof(voxels), "%.*s.raw", (int)(n - end), path);
+	if (!bb_path_may_be_replaced(path) || !bb_path_may_be_replaced(voxels))
+		return bb_fail(err, BB_ERR_IO, 1901, &(struct bb_where){ path, 0, 0 }, "it is there and no regular file");
 	snprintf(part[0], sizeof(part[0]), "%.*s.raw.part", (int)(n - end), path);
 	snprintf(part[1], sizeof(part[1]), "%.*s" END ".part", (int)(n - end), path);
 	const int fd = open(part[0], O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);

@@ -1,5 +1,5 @@
 #!/usr/bin/dash
-# In the guest, for other scripts: the head of a room file, a desk with one screen. What is on it follows in the script's own.
+# For other scripts, in the guest and out of it: the head of a room file, a desk with one screen. What is on it follows.
 cat <<'END'
 room: guest
 neutral_m: [0, 1.2, 0.65]
