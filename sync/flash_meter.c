@@ -74,11 +74,13 @@ double bb_flash_luminance(const float rgb[3])
 
 static void face_of(const struct bb_corners *c, struct bb_vec3 viewer, unsigned i, struct face *out)
 {
-	const double u = i % BB_FLASH_COLUMNS, v = BB_FLASH_ROWS - 1 - i / BB_FLASH_COLUMNS;
+	const unsigned column = i % BB_FLASH_COLUMNS, row = BB_FLASH_ROWS - 1 - i / BB_FLASH_COLUMNS;
 	struct bb_vec3 p[4];
 
-	for (int k = 0; k < 4; k++)
-		p[k] = bb_vec3_sub(bb_corners_at(c, (u + k % 2) / BB_FLASH_COLUMNS, (v + k / 2) / BB_FLASH_ROWS), viewer);
+	for (unsigned k = 0; k < 4; k++) {
+		const unsigned right = column + k % 2, up = row + k / 2;
+		p[k] = bb_vec3_sub(bb_corners_at(c, (double)right / BB_FLASH_COLUMNS, (double)up / BB_FLASH_ROWS), viewer);
+	}
 	out->sr = bb_solid_angle(p[0], p[1], p[3]) + bb_solid_angle(p[0], p[3], p[2]);
 	out->towards = bb_vec3_unit(bb_vec3_lerp(p[0], p[3], 0.5), (struct bb_vec3){ 0, 0, -1 });
 }

@@ -158,8 +158,8 @@ static void a_scene_is_foreseen(void **state)
 {
 	(void)state;
 	assert_true(foreseen("", 1) <= 0);
-	assert_true(foreseen("patch: {hz: 3, size_m: 1}", 1) <= 3);
-	assert_true(foreseen("patch: {hz: 3.2, size_m: 1}", 1) > 3);
+	assert_true(foreseen("patch: {hz: 2.9, size_m: 1}", 1) <= 3);
+	assert_true(foreseen("patch: {hz: 3, size_m: 1}", 1) > 3);
 	assert_true(foreseen("patch: {hz: 10, size_m: 1}", 1) > 6);
 	assert_true(foreseen("patch: {hz: 10, size_m: 1}", 0.09) <= 0);                                  /* dimmed */
 	assert_true(foreseen("patch: {hz: 10, size_m: 1, low_percent: 50, high_percent: 59}", 1) <= 0);  /* low contrast */
