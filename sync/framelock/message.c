@@ -1,23 +1,10 @@
 #include "sync/framelock/message.h"
 
+#include "hal/bytes.h"
+
 #include <string.h>
 
 #define HEAD 32
-
-static void put(uint8_t *at, uint64_t v, unsigned n)
-{
-	for (unsigned i = 0; i < n; i++)
-		at[i] = (uint8_t)(v >> 8 * i);
-}
-
-static uint64_t get(const uint8_t *at, unsigned n)
-{
-	uint64_t v = 0;
-
-	for (unsigned i = 0; i < n; i++)
-		v |= (uint64_t)at[i] << 8 * i;
-	return v;
-}
 
 static size_t body_bytes(enum bb_lock_kind kind)
 {
@@ -43,23 +30,23 @@ static void write_body(const struct bb_lock_message *m, uint8_t *at)
 {
 	switch (m->kind) {
 	case BB_LOCK_EPOCH:
-		put(at, m->u.epoch.from, 8);
+		bb_put_le(at, m->u.epoch.from, 8);
 		for (size_t i = 0; i < BB_LOCK_NODES_MAX / 64; i++)
-			put(at + 8 + 8 * i, m->u.epoch.members.bits[i], 8);
+			bb_put_le(at + 8 + 8 * i, m->u.epoch.members.bits[i], 8);
 		break;
 	case BB_LOCK_JOIN:
 	case BB_LOCK_REFUSE:
-		put(at, m->u.join.version, 4);
+		bb_put_le(at, m->u.join.version, 4);
 		memcpy(at + 4, m->u.join.hash, BB_LOCK_HASH);
 		break;
 	case BB_LOCK_PING:
 	case BB_LOCK_PONG:
-		put(at, (uint64_t)m->u.time.t1_ns, 8);
-		put(at + 8, (uint64_t)m->u.time.t2_ns, 8);
-		put(at + 16, (uint64_t)m->u.time.t3_ns, 8);
-		put(at + 24, m->u.time.plan_frame, 8);
-		put(at + 32, (uint64_t)m->u.time.plan_ns, 8);
-		put(at + 40, (uint64_t)m->u.time.plan_every, 8);
+		bb_put_le(at, (uint64_t)m->u.time.t1_ns, 8);
+		bb_put_le(at + 8, (uint64_t)m->u.time.t2_ns, 8);
+		bb_put_le(at + 16, (uint64_t)m->u.time.t3_ns, 8);
+		bb_put_le(at + 24, m->u.time.plan_frame, 8);
+		bb_put_le(at + 32, (uint64_t)m->u.time.plan_ns, 8);
+		bb_put_le(at + 40, (uint64_t)m->u.time.plan_every, 8);
 		break;
 	case BB_LOCK_ARRIVE:
 	case BB_LOCK_RELEASE:
@@ -78,10 +65,10 @@ size_t bb_lock_write(const struct bb_lock_message *m, uint8_t *bytes)
 	bytes[1] = 'K';
 	bytes[2] = (uint8_t)m->kind;
 	bytes[3] = m->round;
-	put(bytes + 4, m->epoch, 4);
-	put(bytes + 8, m->frame, 8);
-	put(bytes + 16, m->master, 2);
-	put(bytes + 18, m->n_nodes, 2);
+	bb_put_le(bytes + 4, m->epoch, 4);
+	bb_put_le(bytes + 8, m->frame, 8);
+	bb_put_le(bytes + 16, m->master, 2);
+	bb_put_le(bytes + 18, m->n_nodes, 2);
 	write_body(m, bytes + HEAD);
 	return n;
 }
@@ -94,9 +81,9 @@ static bool frame_possible(uint64_t frame)
 
 static bool read_epoch(const uint8_t *at, struct bb_lock_message *m)
 {
-	m->u.epoch.from = get(at, 8);
+	m->u.epoch.from = bb_get_le(at, 8);
 	for (size_t i = 0; i < BB_LOCK_NODES_MAX / 64; i++)
-		m->u.epoch.members.bits[i] = get(at + 8 + 8 * i, 8);
+		m->u.epoch.members.bits[i] = bb_get_le(at + 8 + 8 * i, 8);
 	for (unsigned i = m->n_nodes; i < BB_LOCK_NODES_MAX; i++)
 		if (bb_lock_set_has(&m->u.epoch.members, i))
 			return false;
@@ -105,12 +92,12 @@ static bool read_epoch(const uint8_t *at, struct bb_lock_message *m)
 
 static bool read_time(const uint8_t *at, struct bb_lock_message *m)
 {
-	m->u.time.t1_ns = (int64_t)get(at, 8);
-	m->u.time.t2_ns = (int64_t)get(at + 8, 8);
-	m->u.time.t3_ns = (int64_t)get(at + 16, 8);
-	m->u.time.plan_frame = get(at + 24, 8);
-	m->u.time.plan_ns = (int64_t)get(at + 32, 8);
-	m->u.time.plan_every = (int64_t)get(at + 40, 8);
+	m->u.time.t1_ns = (int64_t)bb_get_le(at, 8);
+	m->u.time.t2_ns = (int64_t)bb_get_le(at + 8, 8);
+	m->u.time.t3_ns = (int64_t)bb_get_le(at + 16, 8);
+	m->u.time.plan_frame = bb_get_le(at + 24, 8);
+	m->u.time.plan_ns = (int64_t)bb_get_le(at + 32, 8);
+	m->u.time.plan_every = (int64_t)bb_get_le(at + 40, 8);
 	return frame_possible(m->u.time.plan_frame) && m->u.time.plan_every >= 0 && m->u.time.plan_every <= 1000;
 }
 
@@ -121,7 +108,7 @@ static bool read_body(const uint8_t *at, struct bb_lock_message *m)
 		return read_epoch(at, m);
 	case BB_LOCK_JOIN:
 	case BB_LOCK_REFUSE:
-		m->u.join.version = (uint32_t)get(at, 4);
+		m->u.join.version = (uint32_t)bb_get_le(at, 4);
 		memcpy(m->u.join.hash, at + 4, BB_LOCK_HASH);
 		return true;
 	case BB_LOCK_PING:
@@ -144,12 +131,12 @@ bool bb_lock_read(const void *bytes, size_t n, struct bb_lock_message *m)
 		return false;
 	memset(m, 0, sizeof(*m));
 	m->kind = (enum bb_lock_kind)b[2];
-	if (n != HEAD + body_bytes(m->kind) || get(b + 20, 8) || get(b + 28, 4))
+	if (n != HEAD + body_bytes(m->kind) || bb_get_le(b + 20, 8) || bb_get_le(b + 28, 4))
 		return false;
 	m->round = b[3];
-	m->epoch = (uint32_t)get(b + 4, 4);
-	m->frame = get(b + 8, 8);
-	m->master = (uint16_t)get(b + 16, 2);
-	m->n_nodes = (uint16_t)get(b + 18, 2);
+	m->epoch = (uint32_t)bb_get_le(b + 4, 4);
+	m->frame = bb_get_le(b + 8, 8);
+	m->master = (uint16_t)bb_get_le(b + 16, 2);
+	m->n_nodes = (uint16_t)bb_get_le(b + 18, 2);
 	return frame_possible(m->frame) && m->n_nodes <= BB_LOCK_NODES_MAX && m->master < m->n_nodes && read_body(b + HEAD, m);
 }
