@@ -135,7 +135,7 @@ static enum bb_status adopt(struct bb_gl_copy *c, const struct bb_gl *gl, const 
 
 	bb_gl_copy_forget(c);
 	if (atlas->pad < 1)
-		return bb_fail(err, BB_ERR_UNSUPPORTED, 1812, NULL, "bricks of %" PRIu32 " voxels", atlas->edge);
+		return bb_fail(err, BB_ERR_UNSUPPORTED, 1471, NULL, "bricks of %" PRIu32 " voxels", atlas->edge);
 	const enum bb_status st = allocate(c, atlas, err);
 	if (st != BB_OK)
 		return st;
