@@ -20,6 +20,7 @@ struct bb_clock {
 	struct entry *heap;      /* least first */
 	size_t n, cap;
 	uint64_t order, steps;
+	int64_t wall_ahead_ns;   /* virtual */
 	bb_wait_fn wait;         /* posix: instead of sleeping */
 	void *wait_ctx;
 };
@@ -92,6 +93,27 @@ int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns)
 	const int64_t after_ns = bb_clock_now_ns(clk);
 	const int64_t age_ns = (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec - realtime_ns;
 	return before_ns + (after_ns - before_ns) / 2 - age_ns;
+}
+
+#define ONE_MOMENT_NS 500000
+
+bool bb_clock_wall_ahead_ns(const struct bb_clock *clk, int64_t *ahead_ns)
+{
+	struct timespec t;
+
+	*ahead_ns = clk->wall_ahead_ns;
+	if (clk->virtual_time)
+		return true;
+	const int64_t before_ns = bb_clock_stopwatch_ns();
+	clock_gettime(CLOCK_REALTIME, &t);
+	const int64_t after_ns = bb_clock_stopwatch_ns();
+	*ahead_ns = (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec - before_ns;
+	return after_ns - before_ns < ONE_MOMENT_NS;
+}
+
+void bb_clock_set_wall_ahead(struct bb_clock *clk, int64_t ahead_ns)
+{
+	clk->wall_ahead_ns = ahead_ns;
 }
 
 uint64_t bb_clock_steps(const struct bb_clock *clk)

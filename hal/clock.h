@@ -41,6 +41,11 @@ int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic
  * moments: the wall clock may be set between two calls. On the virtual clock stamps are host time already. */
 int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns);
 
+/* How far CLOCK_REALTIME is ahead of CLOCK_MONOTONIC: to tell that somebody set the wall clock, and for nothing else.
+ * False: the two could not be read at one moment. On the virtual clock: what was set last, 0 before. */
+bool bb_clock_wall_ahead_ns(const struct bb_clock *clk, int64_t *ahead_ns);
+void bb_clock_set_wall_ahead(struct bb_clock *clk, int64_t ahead_ns);
+
 /* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
 void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);

@@ -69,11 +69,24 @@ static enum bb_status node_suspend(void *device, const struct sim_fault_args *ar
 	return BB_OK;
 }
 
+static enum bb_status node_set_clock(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_node_state *node = device;
+	int64_t ahead_ns;
+	double s;
+	const enum bb_status status = sim_fault_range(args, "s", SIM_FAULT_REQUIRED, -1e9, 1e9, &s, err);
+
+	if (status == BB_OK && node && bb_clock_wall_ahead_ns(node->world->clk, &ahead_ns))
+		bb_clock_set_wall_ahead(node->world->clk, ahead_ns + llround((on ? 1e9 : -1e9) * s));
+	return status;
+}
+
 const struct sim_verb sim_node_verbs[] = {
 	{ "late", "[frames=N]", "the node's image is N loop frames late", "frames=1", node_late },
 	{ "slow", "ms=N", "every frame of the node takes N ms longer", "ms=5", node_slow },
 	{ "drag", "factor=N", "every draw of the node takes N times as long", "factor=1.5", node_drag },
 	{ "crash", "", "the node is silent: it draws, sends and answers nothing", "", node_crash },
+	{ "set_clock", "s=N", "somebody sets the head's wall clock by N seconds", "s=3600", node_set_clock },
 	{ "stall", "", "the node's disk reads nothing", "", node_stall },
 	{ "suspend", "", "the process stands still, as after closing a lid; of the head: the frame loop", "", node_suspend },
 	{ NULL, NULL, NULL, NULL, NULL },

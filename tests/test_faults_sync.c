@@ -24,6 +24,7 @@ struct story { /* what a run has to tell */
 	int64_t start_ns, stop_at_ns, stopped_ns;
 	volatile sig_atomic_t stop;
 	int64_t safe_ns;              /* the shutters were open after the stop, clock time */
+	uint64_t n_events, sum;       /* without those of faults and health */
 };
 
 static void follow(void *ctx, const struct bb_event *events, size_t n)
@@ -32,6 +33,10 @@ static void follow(void *ctx, const struct bb_event *events, size_t n)
 
 	for (size_t i = 0; i < n; i++) {
 		const struct bb_event *e = &events[i];
+		if (e->kind != BB_EV_FAULT && e->kind != BB_EV_HEALTH) {
+			s->n_events++;
+			s->sum = s->sum * 31 + (uint64_t)(e->at_ns * 7 + e->a * 3 + e->b);
+		}
 		if (e->kind == BB_EV_OUTPUT && e->a && s->opened_ns == BB_NEVER)
 			s->opened_ns = e->at_ns;
 		if (e->kind == BB_EV_OUTPUT && !e->a)
@@ -308,12 +313,34 @@ static void o4_stood_still(void **state)
 	assert_int_equal(s.gaps, 0);
 }
 
+/* A second or three years, on or back: told in the next frame, and nothing else is another than without. */
+static void n4_wall_clock_set(void **state)
+{
+	static const char *const by[] = { "1", "-1", "1e8", "-1e8" };
+	struct story plain_one, s;
+	char text[64], label[64];
+
+	(void)state;
+	tell(&plain_one, &plain, NULL, 0);
+	for (size_t i = 0; i < BB_ARRAY_LEN(by); i++) {
+		snprintf(text, sizeof(text), "at 2s node/head set_clock s=%s", by[i]);
+		snprintf(label, sizeof(label), "room: wall clock set by %s s", by[i]);
+		TELL(&s, &plain, text);
+		row("N4", label, &s, "CLOCK_STEP", FRAME + MS, 0, BB_NEVER);
+		assert_int_equal(s.n, 1);
+		assert_int_equal(s.n_events, plain_one.n_events);
+		assert_int_equal(s.frames, plain_one.frames);
+		assert_int_equal(s.sum, plain_one.sum);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(g1_sync_line_stuck), cmocka_unit_test(g2_g3_single_edges), cmocka_unit_test(g4_events_lost),
 		cmocka_unit_test(g5_g6_drift_and_jitter), cmocka_unit_test(g7_rate_change), cmocka_unit_test(g8_polarity),
 		cmocka_unit_test(c6_chain_unreachable), cmocka_unit_test(o2_asked_to_stop), cmocka_unit_test(o4_stood_still),
+		cmocka_unit_test(n4_wall_clock_set),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,7 +3,10 @@
 #include "bench/loop/remote.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
+
+#define WALL_STEP_NS (10 * 1000000) /* more than slewing does in a frame */
 
 /* ---- time in the data ---- */
 
@@ -106,6 +109,23 @@ static void watch_gap(struct bb_frame_loop *l, int64_t now_ns)
 			bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
 }
 
+/* Row N4: somebody set the wall clock. Nothing here reads it; a person who compares logs should know. */
+static void watch_wall(struct bb_frame_loop *l, int64_t now_ns)
+{
+	int64_t ahead_ns;
+
+	if (!bb_clock_wall_ahead_ns(l->clk, &ahead_ns))
+		return;
+	const int64_t step_ns = ahead_ns - l->wall_ahead_ns;
+	if (l->wall_known && llabs(step_ns) > WALL_STEP_NS) {
+		bb_watch_warn(l->watch, l->node_slot[bb_loop_head(l)], now_ns,
+		              "CLOCK_STEP %+.3f s: somebody set the wall clock, which times nothing here", (double)step_ns * 1e-9);
+		bb_result_count(l->result, "wall_clock_set", 1);
+	}
+	l->wall_ahead_ns = ahead_ns;
+	l->wall_known = true;
+}
+
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
@@ -122,6 +142,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	if (l->n_frames >= 3)
 		bb_frames_close(l, l->n_frames - 2);
 	watch_gap(l, now_ns);
+	watch_wall(l, now_ns);
 	struct bb_frame *f = open_frame(l, now_ns);
 	bb_remote_woke(l, scheduled_ns, now_ns);
 	l->was_away = !l->turn_ns || now_ns - l->turn_ns > 3 * l->frame_ns;

@@ -188,6 +188,8 @@ struct bb_frame_loop {
 	uint32_t *camera_seq;
 	int64_t due_ns;                   /* when the next frame was to begin */
 	int64_t turn_ns;                  /* when the devices were read last */
+	int64_t wall_ahead_ns;            /* of this process's time, once */
+	bool wall_known;
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
 	int64_t *camera_seen_ns;          /* arrival of the newest frame */
 	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
