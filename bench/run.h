@@ -19,6 +19,7 @@ struct bb_run_processes {
 	bool wait;                  /* the others are started by somebody else */
 	bool open;                  /* the link may listen on an address that is not loopback */
 	bool restart;               /* a process that dies is started again */
+	bool tell;                  /* on standard error, when all are there */
 };
 
 struct bb_run_options {

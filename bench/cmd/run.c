@@ -148,7 +148,7 @@ static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_opt
 	snprintf(uri, sizeof(uri), "%s%s", link, strchr(link, ':') ? "" : ":");
 	*p = (struct bb_run_processes){ .n = (uint16_t)n, .link = uri, .token_file = bb_cli_get(cli, "token-file", NULL),
 		                        .wait = bb_cli_has(cli, "wait"), .open = bb_cli_has(cli, "open"),
-		                        .restart = bb_cli_has(cli, "restart") };
+		                        .restart = bb_cli_has(cli, "restart"), .tell = !bb_cli_has(cli, "quiet") };
 	if (p->n > 1 && !o->posix_clock)
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--nodes %u wants --clock posix: virtual time has one process", p->n);
 	if ((p->wait || p->open) && (p->n < 2 || !p->token_file))

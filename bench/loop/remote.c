@@ -198,6 +198,8 @@ enum bb_status bb_remote_start(struct bb_frame_loop *l)
 	for (unsigned i = 0; i < l->room->n_nodes; i++)
 		if (!bb_remote_plays(l, i))
 			start_node(l, i);
+	if (l->options->processes.tell)
+		fprintf(stderr, "%u processes are ready: the scene begins\n", bb_nodes_count(l->processes));
 	l->look_after = (struct bb_timer){ .step = look_after, .rank = 4 };
 	return bb_clock_arm(l->clk, &l->look_after, l->scene_start_ns);
 }
