@@ -230,6 +230,21 @@ static bool note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p,
 	return n > 0;
 }
 
+void bb_guard_away(struct bb_sync_guard *g)
+{
+	memset(g->quiet, 1, sizeof(g->quiet));
+}
+
+void bb_guard_back(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
+{
+	const unsigned n = news(g, p);
+
+	if (n && g->runs_ns != BB_NEVER)
+		disturb(g, n, now_ns);
+	g->runs_ns = BB_NEVER;
+	memset(g->disturbed, 0, sizeof(g->disturbed));
+}
+
 /* Light has moved a moment ago, and may not much more; or edges are missing that may come back wrong. */
 static bool alert(const struct bb_sync_guard *g, int64_t now_ns)
 {

@@ -76,6 +76,10 @@ void bb_guard_init(struct bb_sync_guard *g, const struct bb_guard_config *c, int
 void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e);
 /* Once a frame. gone: the chain does not answer; runs: the shutters have been told to. */
 enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, int64_t now_ns);
+/* Row O4, the owner was away, before and after it reads what came meanwhile: edges that were lost tell nothing, those that
+ * were read tell what people saw. After that the rhythm is learnt anew, from a new sync/phase.h. */
+void bb_guard_away(struct bb_sync_guard *g);
+void bb_guard_back(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);
 /* When it wants its next step: when the next edge of some stage will be missing; while one is, while it tries, or was
  * disturbed a moment ago, half a period from now. Of shutters that run. */
 int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);

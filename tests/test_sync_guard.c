@@ -21,7 +21,7 @@ struct chain {
 	int64_t off_ns[ROWS];
 	enum bb_show show;
 	int64_t opened_ns;      /* since it runs; 0: not yet */
-	bool runs;
+	bool runs, asleep;      /* the shutters; who looks at them */
 };
 
 static int64_t sync_ns(const struct chain *c, uint32_t seq)
@@ -31,6 +31,8 @@ static int64_t sync_ns(const struct chain *c, uint32_t seq)
 
 static void step(struct chain *c, int64_t now_ns)
 {
+	if (c->asleep)
+		return;
 	c->show = bb_guard_step(&c->guard, &c->phase, false, c->runs, now_ns);
 	if (c->show == BB_SHOW_OPEN && !c->opened_ns)
 		c->opened_ns = now_ns;
@@ -196,6 +198,40 @@ static void a_try_ends_with_the_first_that_stays_away(void **state)
 	assert_true(c.opened_ns > 0 && c.opened_ns <= sync_ns(&c, c.seq - 1));
 }
 
+/* Half a second of sleep; of its edges the last 20 periods' were kept. */
+static void sleep_and_wake(struct chain *c)
+{
+	c->asleep = true;
+	c->seq += 40;
+	bb_guard_away(&c->guard);
+	run(c, 10);
+	c->swapped[STAGES] = !c->swapped[STAGES];
+	run(c, 10);
+	c->asleep = false;
+	bb_guard_back(&c->guard, &c->phase, sync_ns(c, c->seq));
+	bb_phase_init(&c->phase, (struct bb_rate){ 120, 1 }, STAGES);
+}
+
+static void what_is_told_of_a_gap_counts(void **state)
+{
+	struct chain c = begin();
+
+	(void)state;
+	sleep_and_wake(&c); /* one slip, of weight 2; the 40 edges that were lost are nothing */
+	run(&c, 20);
+	assert_int_equal(c.guard.state, BB_GUARD_GOOD);
+	assert_int_equal(c.opened_ns, 0);
+	assert_int_equal(c.guard.n_events, 1);
+	sleep_and_wake(&c); /* a second one */
+	run(&c, 1);
+	opened_for(&c, BB_GUARD_FLAPS, c.seq - 1);
+	c.runs = false; /* open shutters: nothing was seen */
+	run(&c, 1);
+	c.guard.n_events = 0;
+	sleep_and_wake(&c);
+	assert_int_equal(c.guard.n_events, 0);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -204,6 +240,7 @@ int main(void)
 		cmocka_unit_test(two_silences_are_two),
 		cmocka_unit_test(it_is_looked_at_while_edges_are_missing),
 		cmocka_unit_test(a_try_ends_with_the_first_that_stays_away),
+		cmocka_unit_test(what_is_told_of_a_gap_counts),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);
