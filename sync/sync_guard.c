@@ -55,13 +55,18 @@ static uint64_t wrongs(const struct bb_sync_guard *g, const struct bb_phase *p, 
 /* The same eye twice: it has seen for two periods, and the other one for none. */
 static void note_slip(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e)
 {
-	struct bb_shutter_edge *last = &g->last[row_of(e->stage)];
-	const bool odd = (e->seq - last->seq) % 2;
+	const size_t row = row_of(e->stage);
+	struct bb_shutter_edge *last = &g->last[row];
+	const uint32_t steps = e->seq - last->seq;
+	const bool runs_on = last->at_ns > g->runs_ns;
 
-	if (last->at_ns <= g->runs_ns)
-		g->disturbed[row_of(e->stage)] = wrongs(g, p, row_of(e->stage)); /* numbers that went by while it stood still */
-	else if (last->eye && e->eye && odd == (last->eye == e->eye))
-		g->slips[row_of(e->stage)]++;
+	if (!runs_on)
+		g->disturbed[row] = wrongs(g, p, row); /* numbers that went by while it stood still */
+	else if (g->quiet[row])
+		g->disturbed[row] += steps - 1; /* they are the silence */
+	if (runs_on && last->eye && e->eye && steps % 2 == (last->eye == e->eye))
+		g->slips[row]++;
+	g->quiet[row] = false;
 	*last = *e;
 }
 
@@ -193,27 +198,57 @@ static unsigned news(struct bb_sync_guard *g, const struct bb_phase *p)
 	return most > FLAPS ? FLAPS : (unsigned)most;
 }
 
+/* Has a row fallen silent, for 2.5 periods? Those whose last edges lie within 1.5 of each other did for one reason. */
+static bool new_silence(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
+{
+	bool any = false;
+
+	for (size_t i = 0; i <= g->c.n_stages; i++) {
+		const size_t row = i == g->c.n_stages ? BB_STAGES_MAX : i;
+		const int64_t at_ns = heard_ns(g, stage_at(p, row));
+		if (g->quiet[row] || now_ns - at_ns <= p->nominal_ns * 5 / 2)
+			continue;
+		g->quiet[row] = true;
+		if (at_ns - g->silence_ns <= p->nominal_ns * 3 / 2)
+			continue;
+		g->silence_ns = at_ns;
+		any = true;
+	}
+	return any;
+}
+
 static bool note_disturbances(struct bb_sync_guard *g, const struct bb_phase *p, bool is_silent, int64_t now_ns)
 {
 	const unsigned n = news(g, p);
 
-	if (n && !g->counted) /* of a silence that is over its own missed edges */
+	if (n)
 		disturb(g, n, now_ns);
-	if (is_silent && !g->counted && now_ns - g->heard_ns > p->nominal_ns * 5 / 2) {
+	if (new_silence(g, p, now_ns))
 		disturb(g, 2, now_ns);
-		g->counted = true;
-	}
-	if (!is_silent)
-		g->counted = false;
 	if ((n || is_silent) && p->emitter.n && p->emitter.eye == BB_EYE_NONE)
 		g->parity_lost = true;
 	return n > 0;
 }
 
-/* Light has moved a moment ago, and may not much more. */
+void bb_guard_away(struct bb_sync_guard *g)
+{
+	memset(g->quiet, 1, sizeof(g->quiet));
+}
+
+void bb_guard_back(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
+{
+	const unsigned n = news(g, p);
+
+	if (n && g->runs_ns != BB_NEVER)
+		disturb(g, n, now_ns);
+	g->runs_ns = BB_NEVER;
+	memset(g->disturbed, 0, sizeof(g->disturbed));
+}
+
+/* Light has moved a moment ago, and may not much more; or edges are missing that may come back wrong. */
 static bool alert(const struct bb_sync_guard *g, int64_t now_ns)
 {
-	if (g->state == BB_GUARD_TRY)
+	if (g->state == BB_GUARD_TRY || g->state == BB_GUARD_HOLDOVER)
 		return true;
 	for (unsigned i = 0; i < g->n_events; i++)
 		if ((double)(now_ns - g->event[i].at_ns) < g->c.safety.transition_gap_s * 1e9)
@@ -270,7 +305,8 @@ static void start_running(struct bb_sync_guard *g, const struct bb_phase *p, int
 {
 	g->runs_ns = now_ns;
 	g->n = g->good = g->jittery = 0;
-	g->counted = false;
+	g->silence_ns = now_ns - 2 * p->nominal_ns;
+	memset(g->quiet, 0, sizeof(g->quiet));
 	(void)news(g, p); /* numbers that went by while they were open are no disturbance */
 	rest_cells(g);
 	if (g->state == BB_GUARD_TRY)
@@ -317,11 +353,23 @@ static void settle(struct bb_sync_guard *g, bool is_silent, int64_t now_ns)
 		g->cause = g->parity_lost ? BB_GUARD_PARITY : BB_GUARD_NONE;
 }
 
+/* A row came, and stays away; that others have not come yet excuses none. */
+static bool broke_off(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns)
+{
+	for (size_t i = 0; i <= g->c.n_stages; i++) {
+		const int64_t at_ns = heard_ns(g, i == g->c.n_stages ? &p->emitter : &p->stage[i]);
+		if (at_ns > g->runs_ns && now_ns - at_ns > p->nominal_ns * 3 / 2)
+			return true;
+	}
+	return false;
+}
+
 static void step_try(struct bb_sync_guard *g, const struct bb_phase *p, bool broken, bool runs, bool is_silent, int64_t now_ns)
 {
-	const bool broke_off = is_silent && g->heard_ns > g->runs_ns; /* it came, and stays away */
+	const bool failed = broke_off(g, p, now_ns) || now_ns - g->runs_ns > TRY_NS || (g->n && rate_changed(g, p)) ||
+	                    biased(g, now_ns);
 
-	if (broken || (runs && (broke_off || now_ns - g->runs_ns > TRY_NS || (g->n && rate_changed(g, p)) || biased(g, now_ns))))
+	if (broken || (runs && failed))
 		open_up(g, g->cause, now_ns);
 	else if (runs && !is_silent && g->good >= GOOD_EDGES && all_heard(g, p))
 		enter(g, BB_GUARD_GOOD, now_ns);

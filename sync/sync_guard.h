@@ -6,7 +6,8 @@
  *   silence   (row G1) 1.5 periods without an edge of some stage: HOLDOVER for as long as the phase is known to a tenth of
  *             a period and the chain goes on by itself, then open
  *   flaps     disturbances that add up to 3 within the transition gap: open. 1: a missed edge, or one of the glasses 8 %
- *             of a period off; 2: a doubled edge, one for the same eye again, a silence
+ *             of a period off; 2: a doubled edge, one for the same eye again, a silence. A silence stands for the missed
+ *             edges of its own stages and for nothing else
  *   rate      (row G7) half a period off over up to 32 edges: open
  *   gone      the chain does not answer: open
  *   drive     a cell keeps a bias (hal/lc_guard.h): open
@@ -65,7 +66,8 @@ struct bb_sync_guard {
 	uint64_t disturbed[BB_STAGES_MAX + 1];    /* missed, doubled and slipped edges that are accounted for */
 	struct { int64_t at_ns; unsigned weight; } event[BB_GUARD_EVENTS];
 	unsigned n_events;
-	bool counted;                /* the silence under way is among the events */
+	bool quiet[BB_STAGES_MAX + 1]; /* rows whose silence is among the events, */
+	int64_t silence_ns;          /* and the last edge before the newest of these */
 	bool parity_lost;
 };
 
@@ -74,8 +76,12 @@ void bb_guard_init(struct bb_sync_guard *g, const struct bb_guard_config *c, int
 void bb_guard_edge(struct bb_sync_guard *g, const struct bb_phase *p, const struct bb_shutter_edge *e);
 /* Once a frame. gone: the chain does not answer; runs: the shutters have been told to. */
 enum bb_show bb_guard_step(struct bb_sync_guard *g, const struct bb_phase *p, bool gone, bool runs, int64_t now_ns);
-/* When it wants its next step: when the next edge of some stage will be missing; while it tries, or was disturbed a moment
- * ago, half a period from now. Of shutters that run. */
+/* Row O4, the owner was away, before and after it reads what came meanwhile: edges that were lost tell nothing, those that
+ * were read tell what people saw. After that the rhythm is learnt anew, from a new sync/phase.h. */
+void bb_guard_away(struct bb_sync_guard *g);
+void bb_guard_back(struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);
+/* When it wants its next step: when the next edge of some stage will be missing; while one is, while it tries, or was
+ * disturbed a moment ago, half a period from now. Of shutters that run. */
 int64_t bb_guard_due_ns(const struct bb_sync_guard *g, const struct bb_phase *p, int64_t now_ns);
 /* Row G6: three of its last eight edges were away from their places. */
 bool bb_guard_jittery(const struct bb_sync_guard *g);

@@ -29,8 +29,12 @@ struct oracle {
 	int way[WALLS][2];
 	size_t n_turns[WALLS][2];
 	int64_t turn_ns[WALLS][2][64];
-	unsigned worst;             /* turning points within a second */
+	bool away_turn[WALLS][2][64];
+	const struct sim_fault *faults;
+	int away;                   /* suspensions of the head: nobody is there to hold anything */
+	unsigned worst;             /* turning points within a second, of which somebody could have held, */
 	int64_t worst_ns;
+	unsigned all;               /* and any */
 };
 
 static inline void oracle_turn(struct oracle *o, int w, int e, double y, int64_t at_ns)
@@ -38,14 +42,19 @@ static inline void oracle_turn(struct oracle *o, int w, int e, double y, int64_t
 	double *low = &o->low[w][e], *high = &o->high[w][e];
 	const bool up = o->way[w][e] <= 0 && y >= *low + 0.1 && *low < 0.8;
 	const bool down = o->way[w][e] >= 0 && y <= *high - 0.1 && y < 0.8;
-	unsigned n = 0;
+	unsigned n = 0, all = 0;
 
 	if (up || down) {
 		o->way[w][e] = up ? 1 : -1;
 		*low = *high = y;
+		o->away_turn[w][e][o->n_turns[w][e] % 64] = o->away > 0;
 		o->turn_ns[w][e][o->n_turns[w][e]++ % 64] = at_ns;
-		for (size_t i = 0; i < 64 && i < o->n_turns[w][e]; i++)
-			n += at_ns - o->turn_ns[w][e][i] < BB_NS_PER_S;
+		for (size_t i = 0; i < 64 && i < o->n_turns[w][e]; i++) {
+			const bool recent = at_ns - o->turn_ns[w][e][i] < BB_NS_PER_S;
+			all += recent;
+			n += recent && !o->away_turn[w][e][i];
+		}
+		o->all = all > o->all ? all : o->all;
 		if (n > o->worst) {
 			o->worst = n;
 			o->worst_ns = at_ns;
@@ -101,9 +110,14 @@ static inline void oracle_events(void *ctx, const struct bb_event *events, size_
 
 	for (size_t i = 0; i < n; i++) {
 		const struct bb_event *e = &events[i];
-		if (e->kind != BB_EV_EDGE && e->kind != BB_EV_OUTPUT)
+		if (e->kind != BB_EV_EDGE && e->kind != BB_EV_OUTPUT && e->kind != BB_EV_FAULT)
 			continue;
 		oracle_until(o, e->at_ns);
+		if (e->kind == BB_EV_FAULT) {
+			if (!strcmp(o->faults[e->a].verb, "suspend"))
+				o->away += e->b ? 1 : -1;
+			continue;
+		}
 		if (e->kind == BB_EV_OUTPUT) {
 			o->light = (double)e->b * 1e-6;
 			continue;
@@ -189,8 +203,9 @@ static inline size_t plan_faults(uint64_t seed, struct sim_fault *f, size_t cap)
 
 struct campaign {
 	double meter;               /* flashes in the worst second, by the run's own meter */
-	unsigned oracle;            /* turning points, by ours */
+	unsigned oracle;            /* turning points, by ours, while somebody was there */
 	int64_t oracle_ns;
+	unsigned all;               /* ever */
 	uint64_t opened;
 	char hash[65];
 };
@@ -207,6 +222,7 @@ static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault 
 	o.room_path = seed % 2 ? "rooms/cabin.yaml" : "rooms/cabin120.yaml";
 	oracle->external = seed % 2;
 	oracle->light = 1;
+	oracle->faults = f;
 	for (int w = 0; w <= WALLS; w++)
 		oracle->gate[w][0] = oracle->gate[w][1] = 1;
 	for (int w = 0; w < WALLS; w++)
@@ -224,6 +240,7 @@ static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault 
 	c.meter = bb_ledger_metric(run.result->ledger, BB_METRIC_FLASHES).max;
 	c.oracle = oracle->worst;
 	c.oracle_ns = oracle->worst_ns;
+	c.all = oracle->all;
 	for (size_t i = 0; i < run.result->n_counters; i++)
 		if (!strcmp(run.result->counters[i].name, "shutters_opened"))
 			c.opened = run.result->counters[i].value;

@@ -149,13 +149,15 @@ static void meter(struct bb_frame_loop *l, int64_t now_ns)
 	bb_ledger_sample(l->ledger, BB_METRIC_FLASHES, &s);
 }
 
-/* Row O4: nothing is known of the time away; what was read from it is old. */
+/* Row O4: what the chain tells of the time away is read, judged, and forgotten. */
 void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns)
 {
-	if (l->rig->shutter)
+	if (l->rig->shutter) {
+		bb_guard_away(&l->eyes.guard);
+		bb_shutters_feed(l, now_ns);
+		bb_guard_back(&l->eyes.guard, &l->phase, now_ns);
 		bb_phase_init(&l->phase, l->room->chain.rate, (unsigned)l->room->chain.n_stages);
-	l->eyes.guard.runs_ns = BB_NEVER;
-	memset(l->eyes.guard.disturbed, 0, sizeof(l->eyes.guard.disturbed));
+	}
 	bb_light_skip(l->light, now_ns);
 }
 
@@ -205,10 +207,10 @@ static void show(struct bb_frame_loop *l, int64_t now_ns)
 int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, eyes.watch);
-	(void)scheduled_ns;
+	const bool away = l->world && sim_world_node_suspended(l->world, (uint16_t)bb_loop_head(l));
 
-	if (!l->eyes.running)
-		return BB_NEVER; /* the next frame that runs arms it again */
+	if (!l->eyes.running || away || now_ns - scheduled_ns > 3 * l->frame_ns)
+		return BB_NEVER; /* the next frame that runs arms it again; it also knows what to make of a gap */
 	bb_shutters_feed(l, now_ns);
 	show(l, now_ns);
 	const int64_t due_ns = bb_guard_due_ns(&l->eyes.guard, &l->phase, now_ns);

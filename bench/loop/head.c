@@ -102,8 +102,7 @@ static void watch_gap(struct bb_frame_loop *l, int64_t now_ns)
 	             (long long)(late_ns / l->frame_ns));
 	bb_result_count(l->result, "gaps", 1);
 	bb_result_count(l->result, "gap_ms", (uint64_t)(late_ns / 1000000));
-	bb_shutters_feed(l, now_ns); /* read away, */
-	bb_eyes_gap(l, now_ns);      /* and forgotten */
+	bb_eyes_gap(l, now_ns);
 	for (size_t i = 0; i < l->room->n_cameras; i++)
 		if (l->rig->cameras[i])
 			bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
