@@ -2,6 +2,9 @@
 
 #include <string.h>
 
+#define STAMP_EARLIEST_NS (-(INT64_C(1) << 60)) /* differences of stamps fit, and a recording may begin at 2^62 */
+#define STAMP_LATEST_NS (INT64_C(3) << 61)
+#define UNCERTAINTY_MOST_NS (INT64_C(1) << 60)
 #define OLD_FRAMES 600 /* a counter is carried on by the nominal rate for so long; 100 ppm of it is 6 % of a frame */
 
 void bb_lock_proof_init(struct bb_lock_proof *p, unsigned n, struct bb_rate rate, int64_t phase_limit_ns)
@@ -20,11 +23,17 @@ static int64_t frames_in(const struct bb_lock_proof *p, int64_t ns)
 	return (int64_t)((__int128)(ns + half_ns) * p->rate.num / frame_ns);
 }
 
+static bool stamp_possible(int64_t vblank_ns, int64_t uncertainty_ns)
+{
+	return vblank_ns >= STAMP_EARLIEST_NS && vblank_ns <= STAMP_LATEST_NS && uncertainty_ns >= 0 &&
+	       uncertainty_ns <= UNCERTAINTY_MOST_NS;
+}
+
 bool bb_lock_proof_add(struct bb_lock_proof *p, unsigned display, uint64_t counter, int64_t vblank_ns, int64_t uncertainty_ns)
 {
 	struct bb_lock_display *d = &p->display[display < p->n ? display : 0];
 
-	if (display >= p->n || uncertainty_ns < 0 || (d->any && vblank_ns < d->vblank_ns))
+	if (display >= p->n || !stamp_possible(vblank_ns, uncertainty_ns) || (d->any && vblank_ns < d->vblank_ns))
 		return false;
 	d->skips += d->any && counter - d->counter != (uint64_t)frames_in(p, vblank_ns - d->vblank_ns);
 	*d = (struct bb_lock_display){ true, counter, vblank_ns, uncertainty_ns, d->skips };
@@ -45,7 +54,7 @@ static uint64_t distance(uint64_t a, uint64_t b)
 {
 	const int64_t d = (int64_t)(a - b);
 
-	return d < 0 ? (uint64_t)-d : (uint64_t)d;
+	return d < 0 ? -(uint64_t)d : (uint64_t)d;
 }
 
 static bool usable(const struct bb_lock_proof *p, int64_t at_ns)
@@ -130,14 +139,19 @@ const char *bb_lock_verdict_text(enum bb_lock_verdict v)
 
 /* ---- recordings ---- */
 
-/* A whole number that fits, after blanks; false otherwise. */
+static bool is_blank(char c)
+{
+	return c == ' ' || c == '\t' || c == '\r';
+}
+
+/* A whole number that fits, after blanks and before one or the end; false otherwise. */
 static bool read_number(const char **at, const char *end, int64_t *out)
 {
 	const char *c = *at;
 	bool minus = false;
 	int64_t v = 0;
 
-	while (c < end && (*c == ' ' || *c == '\t'))
+	while (c < end && is_blank(*c))
 		c++;
 	if (c < end && *c == '-') {
 		minus = true;
@@ -149,7 +163,7 @@ static bool read_number(const char **at, const char *end, int64_t *out)
 			return false;
 	*out = minus ? -v : v;
 	*at = c;
-	return c > digits;
+	return c > digits && (c == end || is_blank(*c));
 }
 
 static bool read_line(struct bb_lock_proof *p, const char *c, const char *end)
@@ -159,7 +173,7 @@ static bool read_line(struct bb_lock_proof *p, const char *c, const char *end)
 	for (int i = 0; i < 4; i++)
 		if (!read_number(&c, end, &v[i]))
 			return false;
-	while (c < end && (*c == ' ' || *c == '\t' || *c == '\r'))
+	while (c < end && is_blank(*c))
 		c++;
 	return c == end && v[0] >= 0 && v[0] < p->n && v[1] >= 0 &&
 	       bb_lock_proof_add(p, (unsigned)v[0], (uint64_t)v[1], v[2], v[3]);
@@ -174,7 +188,7 @@ unsigned bb_lock_proof_read(struct bb_lock_proof *p, const char *text, size_t n_
 		const char *stop = newline ? newline : end, *comment = memchr(text, '#', (size_t)(stop - text));
 		const char *c = text;
 		stop = comment ? comment : stop;
-		while (c < stop && (*c == ' ' || *c == '\t' || *c == '\r'))
+		while (c < stop && is_blank(*c))
 			c++;
 		if (c < stop && !read_line(p, c, stop))
 			return line;

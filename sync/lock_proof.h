@@ -45,7 +45,8 @@ struct bb_lock_finding {
 
 /* More displays than fit are cut off. */
 void bb_lock_proof_init(struct bb_lock_proof *p, unsigned n, struct bb_rate rate, int64_t phase_limit_ns);
-/* Strangers, negative uncertainties and samples older than the newest are ignored: false. */
+/* Strangers, samples older than the newest, stamps not within -2^60 .. 3 * 2^61 ns and uncertainties not within 0 .. 2^60 ns
+ * are ignored: false. */
 bool bb_lock_proof_add(struct bb_lock_proof *p, unsigned display, uint64_t counter, int64_t vblank_ns, int64_t uncertainty_ns);
 struct bb_lock_finding bb_lock_proof_judge(const struct bb_lock_proof *p, int64_t at_ns);
 /* A recording: a line a sample, "DISPLAY COUNTER VBLANK_NS UNCERTAINTY_NS" in whole numbers; '#' begins a comment. Adds all;

@@ -68,6 +68,19 @@ static void what_is_no_sample_is_ignored(void **state)
 	assert_false(bb_lock_proof_add(&p, 0, 1, 0, 0));
 }
 
+/* Half of all counters lie between these, which is as far as two can be from one another. */
+static void counters_as_far_apart_as_can_be_are_told(void **state)
+{
+	struct bb_lock_proof p = four();
+	(void)state;
+
+	for (unsigned i = 0; i < N; i++)
+		assert_true(bb_lock_proof_add(&p, i, i == 2 ? UINT64_C(1) << 63 : 0, T, 1000));
+	const struct bb_lock_finding f = bb_lock_proof_judge(&p, T);
+	assert_int_equal(f.verdict, BB_LOCK_COUNTERS_APART);
+	assert_int_equal(f.display, 2);
+}
+
 /* A flip whose sequence stepped by two in one frame's time: the eyes are swapped from there on. */
 static void a_dropped_frame_is_counted(void **state)
 {
@@ -104,6 +117,11 @@ static void recordings_are_read_or_refused_by_line(void **state)
 		{ "0 1 1000 5\n0 2 900 5\n", 2 },
 		{ "0 1 1000 -5\n", 1 },
 		{ "nan nan nan nan", 1 },
+		{ "0 12-1000 5 5\n", 1 },
+		{ "0 1 4611686018427387904 5\n0 2 4611686018435721237 5\n", 0 },
+		{ "0 1 -9223372036854775807 5\n0 2 9223372036854775807 5\n", 1 },
+		{ "0 1 0 5\n0 2 9223372036854775807 5\n", 2 },
+		{ "0 1 1000 9223372036854775807\n", 1 },
 		{ "", 0 },
 	};
 	struct bb_lock_proof p;
@@ -210,6 +228,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(by_hand),
 		cmocka_unit_test(what_is_no_sample_is_ignored),
+		cmocka_unit_test(counters_as_far_apart_as_can_be_are_told),
 		cmocka_unit_test(a_dropped_frame_is_counted),
 		cmocka_unit_test(recordings_are_read_or_refused_by_line),
 		cmocka_unit_test(simulated_displays_and_their_recording_get_one_verdict),

@@ -6,7 +6,7 @@
 runs=${RUNS:-10000000} seed=${SEED:-1}
 ledger=tests/fuzz/LEDGER
 [ $# -gt 0 ] || set -- $(awk '/^[a-z]/ { print $1 }' tests/fuzz/targets.txt)
-git diff --quiet HEAD -- hal drivers sim sync render tests/fuzz ":!$ledger" || { echo "ledger: commit first" >&2; exit 2; }
+git diff --quiet HEAD -- hal drivers sim sync render bench tests/fuzz ":!$ledger" || { echo "ledger: commit first" >&2; exit 2; }
 make --no-print-directory fuzz-build >/dev/null || exit 2
 commit=$(git rev-parse --short=8 HEAD)
 mkdir -p build/fuzz/found build/fuzz/log
