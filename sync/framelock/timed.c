@@ -58,6 +58,21 @@ static void keep_plan(struct bb_framelock *f, uint64_t frame, int64_t at_ns, int
 	*newest = (struct lock_plan){ frame, at_ns, every };
 }
 
+#define PLAN_FAR_NS (3600 * BB_NS_PER_S) /* from the master's clock, at the frame under way: no master plans that */
+#define PLAN_FRAMES_MOST (INT64_C(1) << 36)
+
+/* A plan comes from a wire: what it says of this frame must be near the time at which it was said. */
+static bool plan_makes_sense(const struct bb_framelock *f, uint64_t frame, int64_t at_ns, int64_t every, int64_t said_ns)
+{
+	const int64_t ahead = (int64_t)(f->frame - frame);
+	int64_t frames, flip_ns, off_ns;
+
+	if (every <= 0 || __builtin_mul_overflow(ahead, every, &frames) || frames > PLAN_FRAMES_MOST || frames < -PLAN_FRAMES_MOST)
+		return false;
+	return !__builtin_add_overflow(at_ns, bb_rate_frame_ns(f->c.rate, frames), &flip_ns) &&
+	       !__builtin_sub_overflow(flip_ns, said_ns, &off_ns) && off_ns < PLAN_FAR_NS && off_ns > -PLAN_FAR_NS;
+}
+
 void bb_framelock_plan(struct bb_framelock *f, uint64_t frame, int64_t at_ns, unsigned every)
 {
 	if (f->fit && f->master == f->c.self && frame >= f->frame)
@@ -86,7 +101,8 @@ void lock_time_hear(struct bb_framelock *f, uint16_t from, const struct bb_lock_
 		return;
 	if (f->fit->n == f->fit->window)
 		f->ping_ns = now_ns + f->c.ping_ns;
-	keep_plan(f, m->u.time.plan_frame, m->u.time.plan_ns, m->u.time.plan_every);
+	if (plan_makes_sense(f, m->u.time.plan_frame, m->u.time.plan_ns, m->u.time.plan_every, m->u.time.t3_ns))
+		keep_plan(f, m->u.time.plan_frame, m->u.time.plan_ns, m->u.time.plan_every);
 	if (f->c.master_ns != BB_NEVER)
 		f->master_ns = now_ns + f->c.master_ns;
 }
