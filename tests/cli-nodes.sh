@@ -30,7 +30,7 @@ begun() { # NAME: until that run's scene goes on
 for way in shm zmq again hang term dead; do
 	case $way in
 	zmq) options="--link zmq --duration 6" ;;
-	again) options="--restart --duration 8" ;;
+	again) options="--restart --duration 10" ;;
 	hang) options="--duration 6" ;;
 	shm) options="--link shm --duration 6" ;;
 	*) options="--duration 60" ;;
