@@ -9,7 +9,7 @@ void bb_lock_config_times(struct bb_lock_config *c, int64_t frame_ns)
 	c->retry_ns = frame_ns / 8;
 	c->stall_ns = frame_ns;
 	c->give_up_ns = frame_ns * 5 / 2;
-	c->master_ns = frame_ns * 4;
+	c->master_ns = frame_ns * 3;
 	c->ping_ns = frame_ns;
 }
 
