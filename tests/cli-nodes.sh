@@ -74,6 +74,9 @@ check "restart: within five times 2 s" [ "$(field "$work/again/result.json" "all
 disturb hang term dead
 OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
 pid_posix=$!
+printf 'scene: slow\ntechnique: calibration\nduration_s: 3\nneeds: {displays: 1}\npatch: {hz: 2, size_m: 1}\n' >"$work/slow.yaml"
+"$program" run $room "$work/slow.yaml" --clock posix --nodes 4 --quiet --out "$work/slow" 2>"$work/slow.err"
+check "walls that others draw are metered, too" [ "$(field "$work/slow/result.json" '[1 <= b["value"] <= 2.5 for b in r["budgets"] if b["metric"] == "flashes"][0]')" = True ]
 wait "$pid_hang"
 check "a process that hangs: the rest go on without it" [ "$(field "$work/hang/result.json" "r['counters']['frames'] > 10 and any('did not come to the swap barrier' in i['what'] for i in r['incidents'])")" = True ]
 check "a process that hangs for a while is back" [ "$(field "$work/hang/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'did not come' in i['what'] and i['culprit'] == 'node/left')")" = True ]

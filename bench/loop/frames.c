@@ -74,11 +74,11 @@ static uint16_t blame_missing_flips(struct bb_frame_loop *l, const struct bb_fra
 		if (l->flipped[s] >> f->frame % 64 & 1)
 			continue;
 		node = node_of(l, s);
-		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
-			note_unseen(l, f, s);
-		if (!(f->missing_nodes >> node & 1) && f->node[node].released_ns)
-			bb_watch_bad(l->watch, l->display_slot[s], f->release_ns, BB_HEALTH_DEGRADED, "never showed frame %llu",
-			             (unsigned long long)f->frame);
+		if (f->missing_nodes >> node & 1 || !f->node[node].released_ns)
+			continue;
+		note_unseen(l, f, s);
+		bb_watch_bad(l->watch, l->display_slot[s], f->release_ns, BB_HEALTH_DEGRADED, "never showed frame %llu",
+		             (unsigned long long)f->frame);
 	}
 	return node;
 }

@@ -74,7 +74,7 @@ static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 }
 
 /* Somebody wants it to end: the outputs go to their safe state first. */
-static bool stopped(struct bb_frame_loop *l, int64_t now_ns)
+bool bb_head_stopped(struct bb_frame_loop *l, int64_t now_ns)
 {
 	if (!bb_loop_interrupted(l))
 		return false;
@@ -130,7 +130,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
 	const struct bb_node_machine *head = &l->nodes[bb_loop_head(l)];
 
-	if (now_ns >= l->end_ns || stopped(l, now_ns)) {
+	if (now_ns >= l->end_ns || bb_head_stopped(l, now_ns)) {
 		bb_clock_stop(l->clk);
 		return BB_NEVER;
 	}
@@ -183,6 +183,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 		                      .photon_ns = f->photon_ns,
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
+		                      .scene_s = l->scene_s,
 		                      .steps = l->steps,
 		                      .way = (int16_t)l->way,
 		                      .swapped = l->eyes.swapped,

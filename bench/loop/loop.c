@@ -284,7 +284,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
 		                               .viewer = l->start.p,
 		                               .coast_ns = l->rig->shutter ? bb_shutter_limits(l->rig->shutter)->coast_ns : 0,
-		                               .drawn = l->draw_everything };
+		                               .drawn = l->draw_everything && !l->processes }; /* others' pixels stay there */
 	if (status == BB_OK && l->rig->needs[BB_CLASS_DISPLAYS] >= 0)
 		status = bb_light_create(&light, &l->light);
 	return status == BB_OK ? BB_OK : bb_fail(err, status, 1506, NULL, "%s", bb_status_text(status));

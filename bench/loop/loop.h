@@ -222,7 +222,7 @@ struct bb_message {
 	uint64_t frame;
 	int64_t photon_ns;
 	struct bb_pose eyes, navigation;
-	double steps, ahead[BB_AHEAD];
+	double scene_s, steps, ahead[BB_AHEAD];
 	int16_t way;
 	uint16_t quality;                 /* of the draw */
 	uint16_t depth, light;            /* 0 .. BB_WHOLE, as quality: the eyes' distance and the pictures' brightness, of their own */
@@ -241,6 +241,7 @@ struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l);
 bool bb_loop_interrupted(const struct bb_frame_loop *l);
+bool bb_head_stopped(struct bb_frame_loop *l, int64_t now_ns); /* true: somebody wants it to end, and its shutters are open */
 /* Releases the barrier when all that are waited for are there, or the time is over. */
 void bb_head_step_barrier(struct bb_frame_loop *l, int64_t now_ns);
 /* The head's part of a release: who was late, of those that were waited for (bits); then the next frame. */

@@ -236,6 +236,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
 	n->frame = m->frame;
 	n->quality = m->quality ? m->quality / (double)BB_WHOLE : 1;
+	l->scene_s = m->scene_s;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);

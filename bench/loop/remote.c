@@ -160,7 +160,7 @@ static int64_t look_after(struct bb_timer *timer, int64_t scheduled_ns, int64_t 
 		miss(l, &loss, now_ns);
 		bb_head_step_barrier(l, now_ns);
 	}
-	if (bb_loop_interrupted(l))
+	if (bb_head_stopped(l, now_ns))
 		bb_clock_stop(l->clk);
 	return now_ns + l->frame_ns;
 }
