@@ -70,7 +70,7 @@ $B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
-# Their short loops must be unrolled, or vectors live in memory.
+# Their short loops must be unrolled, or vectors live in memory; those of the builder are worth a tenth of a build.
 $B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o \
 $B/render/bricks/build_emit.o $B/render/bricks/build_slab.o: ALL_CFLAGS += -O3
 
@@ -198,7 +198,7 @@ bench-plan:
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
 
-# Ten thousand campaigns of random faults, and no flashes (some ten minutes).
+# Ten thousand campaigns of random faults, and no flashes (a minute and a half of a processor).
 soak: $B/tests/test_campaigns
 	$< 10000
 
