@@ -140,6 +140,16 @@ static void merge_times(void *ctx, size_t i, unsigned thread)
 
 /* ---- errors ---- */
 
+/* n more stretches are in the bins: they go to the sums before a word of them could run over. */
+static void have_added(struct bb_bins bins[2], struct bb_bin_sums *sums, uint32_t *waiting, uint32_t n)
+{
+	*waiting += n;
+	if (*waiting <= BB_BINS_MOST / 2)
+		return;
+	bb_bins_spill(bins, 2, sums);
+	*waiting = 0;
+}
+
 /* Over all steps of a time node, at the leaves: each voxel's deviation from its mean over time, and how far that is
  * wrong. */
 static double leaf_errors(const struct bb_build *b, const struct brick *k, struct bb_bins bins[2],
@@ -148,7 +158,7 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 	const struct bb_tree_span *s = &b->span[k->tau];
 	const double steps = s->to - s->from, floor = 1e-3 * (b->h.most - b->h.least);
 	double apart = 0, dev = 0, cov = 0;
-	uint32_t met = 0;
+	uint32_t waiting = 0;
 
 	if (steps <= 1) /* a leaf is never wrong */
 		return 0;
@@ -169,11 +179,7 @@ static double leaf_errors(const struct bb_build *b, const struct brick *k, struc
 				}
 				bb_bins_spans(bins, here, there, nx);
 			}
-			met += nx * (s->to - s->from);
-			if (met > BB_BINS_MOST / 2) {
-				bb_bins_spill(bins, 2, sums);
-				met = 0;
-			}
+			have_added(bins, sums, &waiting, nx * (s->to - s->from));
 			for (uint32_t x = 0; x < nx; x++) {
 				const double sigma = sqrt(square[x] / steps),
 					     level = fmax(fabs((double)mean[x]), floor);
@@ -196,7 +202,7 @@ static double sampled_errors(const struct bb_build *b, const struct brick *k, st
 	const struct bb_tree_span *s = &b->span[k->tau];
 	uint32_t from[3], to[3], at[3], cell[3];
 	double apart = 0;
-	uint32_t met = 0;
+	uint32_t waiting = 0;
 
 	cells_of(b, k, from, to);
 	for (cell[2] = from[2]; cell[2] < to[2]; cell[2]++)
@@ -213,11 +219,7 @@ static double sampled_errors(const struct bb_build *b, const struct brick *k, st
 					apart += fabs((double)v - (double)shown);
 				}
 				*n += s->to - s->from;
-				met += s->to - s->from;
-				if (met > BB_BINS_MOST / 2) {
-					bb_bins_spill(bins, 2, sums);
-					met = 0;
-				}
+				have_added(bins, sums, &waiting, s->to - s->from);
 			}
 	return *n > 0 ? apart / *n : 0;
 }
