@@ -69,7 +69,13 @@ bake --seed 8 >"$work/other.json"
 check "bench barrier: another seed, other numbers" sh -c "! cmp -s '$work/bake.json' '$work/other.json'"
 check "bench barrier: six nodes within the bars" holds bake \
 	'all(x["skew_us"]["p99"] <= {"central": 300, "timed": 20}.get(x["method"], 500) for x in r["simulated"]["rows"] if not x["loss_percent"])'
-for bad in "--endpoints 1" "--endpoints 2,x" "--endpoints 2,513" "--loss 51" "--loss nan" "--frames 9"; do
+bake --endpoints 6,2 --loss 10,0 >"$work/turned.json"
+check "bench barrier: lists in any order" cmp -s "$work/bake.json" "$work/turned.json"
+bake --endpoints 64 --loss 50 --delay-us 100000 --jitter-us 10000 >"$work/still.json"
+check "bench barrier: where no frame comes together, no numbers but the row" holds still \
+	'[(x["frames"], "skew_us" in x) for x in r["simulated"]["rows"] if x["loss_percent"]] == [(0, False)] * 4'
+for bad in "--endpoints 1" "--endpoints 2,x" "--endpoints 2.5" "--endpoints 2,513" "--loss 51" "--loss nan" "--frames 9" "--real" \
+	"--real --png $work/no.png"; do
 	# shellcheck disable=SC2086
 	"$program" bench barrier --simulated $bad >"$work/out" 2>"$work/err"
 	check "bench barrier: refused with a number: $bad" [ $? = 2 ]
