@@ -51,6 +51,11 @@ check "from 15 frames on the wall runs at full rate" gap slow $((first + 15)) $(
 drawn=
 run rooms/cabin120.yaml genlock --duration 1
 check "genlocked displays are proven to be locked" holds genlock 'r["facts"]["frame_lock"].startswith("locked: 5 genlocked displays, counters 0 apart")'
+sed 's/^  - id: back .*/  - id: back\n    display: {kind: dlp, refresh_hz: 60, stereo: mono, genlock: true}/' rooms/cabin120.yaml >"$work/mixed.yaml"
+run "$work/mixed.yaml" mixed --duration 1
+check "a display of another rate is not compared" holds mixed 'r["facts"]["frame_lock"].startswith("locked: 4 genlocked displays")'
+run rooms/cabin120.yaml apart --duration 1 --fault "at 0.1s display/front rate ppm=200" --fault "at 0.5s display/front unlock"
+check "a display on its own crystal is seen" holds apart 'r["facts"]["frame_lock"].startswith("phases apart: 5 genlocked displays")'
 "$program" run "$work/tree.yaml" scenes/cme.yaml --clock posix --nodes 2 --duration 1 --no-pictures --quiet --out "$work/n" >"$work/out" 2>"$work/err"
 code=$?
 check "several processes keep to the central barrier" sh -c "[ $code = 2 ] && grep -q BB1662 '$work/err'"
