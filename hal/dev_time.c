@@ -25,7 +25,6 @@ void bb_timemap_add(struct bb_timemap *m, struct bb_dev_ns stamp, int64_t arrive
 	int64_t least = 0, most = 0; /* since the newest: deltas may lie on both sides of the end of int64 */
 
 	m->delta_ns[slot] = newest;
-	m->stamp_ns[slot] = stamp.ns;
 	m->n++;
 	for (uint32_t i = 0; i < held; i++) {
 		const int64_t since = bb_ns_since(m->delta_ns[i], newest);
@@ -34,7 +33,7 @@ void bb_timemap_add(struct bb_timemap *m, struct bb_dev_ns stamp, int64_t arrive
 	}
 	m->offset_ns = bb_ns_since(bb_ns_after(newest, least), m->least_latency_ns);
 	/* The least of n delays that spread over `most - least` lies about (most - least) / n above the true least. */
-	m->uncertainty_ns = held > 1 ? (most - least) / held + 1 : m->least_latency_ns + 1;
+	m->uncertainty_ns = held > 1 ? (int64_t)(((uint64_t)most - (uint64_t)least) / held) + 1 : m->least_latency_ns + 1;
 }
 
 int64_t bb_timemap_host_ns(const struct bb_timemap *m, struct bb_dev_ns stamp)

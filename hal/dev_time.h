@@ -37,7 +37,6 @@ int64_t bb_unwrap32(struct bb_unwrap32 *u, uint32_t ticks);
 struct bb_timemap {
 	int64_t least_latency_ns;              /* from the device's limits */
 	int64_t delta_ns[BB_TIMEMAP_WINDOW];   /* arrival - stamp, a ring */
-	int64_t stamp_ns[BB_TIMEMAP_WINDOW];
 	uint32_t n;                            /* pairs seen */
 	int64_t offset_ns, uncertainty_ns;     /* host = stamp + offset +- uncertainty */
 };

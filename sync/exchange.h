@@ -61,7 +61,7 @@ void bb_clockfit_init(struct bb_clockfit *f, unsigned window);
 enum bb_clockfit_verdict bb_clockfit_add(struct bb_clockfit *f, const struct bb_exchange *x);
 
 /*
- * The same line where nobody can be asked back: a device stamps (remote clock, unwrapped) and the stamp arrives
+ * The same line where nobody can be asked back (no run uses it yet: cameras are mapped by hal/dev_time.h, without a rate): a device stamps (remote clock, unwrapped) and the stamp arrives
  * least_ns or more later. Then the line is the one that every arrival bounds from below and that stays nearest to them.
  * A stamp from the future is an outlier; a device clock set back looks like long delays until the window has seen
  * enough.

@@ -51,6 +51,11 @@ check "from 15 frames on the wall runs at full rate" gap slow $((first + 15)) $(
 drawn=
 run rooms/cabin120.yaml genlock --duration 1
 check "genlocked displays are proven to be locked" holds genlock 'r["facts"]["frame_lock"].startswith("locked: 5 genlocked displays, counters 0 apart")'
+sed 's/^  - id: back .*/  - id: back\n    display: {kind: dlp, refresh_hz: 60, stereo: mono, genlock: true}/' rooms/cabin120.yaml >"$work/mixed.yaml"
+run "$work/mixed.yaml" mixed --duration 1
+check "a display of another rate is not compared" holds mixed 'r["facts"]["frame_lock"].startswith("locked: 4 genlocked displays")'
+run rooms/cabin120.yaml apart --duration 1 --fault "at 0.1s display/front rate ppm=200" --fault "at 0.5s display/front unlock"
+check "a display on its own crystal is seen" holds apart 'r["facts"]["frame_lock"].startswith("phases apart: 5 genlocked displays")'
 "$program" run "$work/tree.yaml" scenes/cme.yaml --clock posix --nodes 2 --duration 1 --no-pictures --quiet --out "$work/n" >"$work/out" 2>"$work/err"
 code=$?
 check "several processes keep to the central barrier" sh -c "[ $code = 2 ] && grep -q BB1662 '$work/err'"
@@ -69,7 +74,13 @@ bake --seed 8 >"$work/other.json"
 check "bench barrier: another seed, other numbers" sh -c "! cmp -s '$work/bake.json' '$work/other.json'"
 check "bench barrier: six nodes within the bars" holds bake \
 	'all(x["skew_us"]["p99"] <= {"central": 300, "timed": 20}.get(x["method"], 500) for x in r["simulated"]["rows"] if not x["loss_percent"])'
-for bad in "--endpoints 1" "--endpoints 2,x" "--endpoints 2,513" "--loss 51" "--loss nan" "--frames 9"; do
+bake --endpoints 6,2 --loss 10,0 >"$work/turned.json"
+check "bench barrier: lists in any order" cmp -s "$work/bake.json" "$work/turned.json"
+bake --endpoints 64 --loss 50 --delay-us 100000 --jitter-us 10000 >"$work/still.json"
+check "bench barrier: where no frame comes together, no numbers but the row" holds still \
+	'[(x["frames"], "skew_us" in x) for x in r["simulated"]["rows"] if x["loss_percent"]] == [(0, False)] * 4'
+for bad in "--endpoints 1" "--endpoints 2,x" "--endpoints 2.5" "--endpoints 2,513" "--loss 51" "--loss nan" "--frames 9" "--real" \
+	"--real --png $work/no.png"; do
 	# shellcheck disable=SC2086
 	"$program" bench barrier --simulated $bad >"$work/out" 2>"$work/err"
 	check "bench barrier: refused with a number: $bad" [ $? = 2 ]

@@ -147,6 +147,18 @@ static void a_map_does_not_see_the_end_of_int64(void **state)
 			}
 }
 
+/* A device may stamp what it likes: how far apart two such offsets are is still no negative number. */
+static void stamps_as_far_apart_as_can_be_keep_an_uncertainty(void **state)
+{
+	struct bb_timemap m;
+
+	(void)state;
+	bb_timemap_init(&m, 0);
+	bb_timemap_add(&m, (struct bb_dev_ns){ -(INT64_C(1) << 62) }, 0);
+	bb_timemap_add(&m, (struct bb_dev_ns){ INT64_C(1) << 62 }, 0);
+	assert_true(m.uncertainty_ns >= INT64_C(1) << 62);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -158,6 +170,7 @@ int main(void)
 		cmocka_unit_test(a_map_finds_the_offset_within_its_uncertainty),
 		cmocka_unit_test(a_map_follows_a_drifting_clock),
 		cmocka_unit_test(a_map_does_not_see_the_end_of_int64),
+		cmocka_unit_test(stamps_as_far_apart_as_can_be_keep_an_uncertainty),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -143,7 +143,7 @@ static unsigned living(const struct bb_troupe *w)
 	return n;
 }
 
-static void flipped(struct bb_troupe *w, const struct troupe_node *n, const struct bb_lock_release *r, int64_t at_ns)
+static void flipped(struct bb_troupe *w, const struct bb_lock_release *r, int64_t at_ns)
 {
 	struct troupe_frame *f = frame_at(w, r->frame);
 	const int64_t k = vblank_after(w, at_ns);
@@ -168,7 +168,6 @@ static void flipped(struct bb_troupe *w, const struct troupe_node *n, const stru
 	} else if (r->frame > w->c.settle_frames) {
 		count_frame(w, f);
 	}
-	(void)n;
 	if (r->frame >= w->target) {
 		w->reached = true;
 		bb_clock_stop(w->clk);
@@ -213,7 +212,7 @@ static void released(void *ctx, const struct bb_lock_release *r)
 	const int64_t at_ns = bb_clock_now_ns(w->clk);
 
 	if (!r->skipped)
-		flipped(w, n, r, at_ns);
+		flipped(w, r, at_ns);
 	if (w->c.released)
 		w->c.released(w->c.ctx, n->index, at_ns, r);
 	begin_after(n, r->frame + 1);
@@ -432,7 +431,7 @@ struct bb_troupe_result bb_troupe_result(struct bb_troupe *w)
 {
 	const double n = (double)w->n_counted;
 	struct bb_troupe_result r = { .skew = spread(w->skew, w->n_counted), .cost = spread(w->cost, w->n_counted),
-		                    .frames = w->n_counted, .true_ns = (uint64_t)bb_clock_now_ns(w->clk) };
+		                    .frames = w->n_counted };
 
 	r.frames_lost = (double)w->n_lost / n;
 	r.torn = (double)w->n_torn / n;
@@ -521,9 +520,4 @@ struct bb_clock *bb_troupe_clock(struct bb_troupe *w)
 int64_t bb_troupe_now_ns(const struct bb_troupe *w)
 {
 	return bb_clock_now_ns(w->clk);
-}
-
-uint64_t bb_troupe_drawing(const struct bb_troupe *w, unsigned node)
-{
-	return w->nodes[node].frame;
 }

@@ -39,7 +39,8 @@ struct bb_troupe_result {
 	double late;              /* share of frames with a node that had not drawn at its planned time */
 	double messages;          /* a frame, sent */
 	double resent;
-	uint64_t frames, epochs, true_ns;
+	uint64_t frames;          /* counted: those that some member left out are not; 0: the others above are not numbers */
+	uint64_t epochs;
 };
 
 struct bb_troupe;
@@ -48,7 +49,7 @@ struct bb_troupe;
 struct bb_troupe_config bb_troupe_usual(void);
 BB_MUST_CHECK enum bb_status bb_troupe_create(const struct bb_troupe_config *config, struct bb_troupe **out);
 void bb_troupe_destroy(struct bb_troupe *w);
-/* Until every living node has released this frame, at most so long; false: it took longer. */
+/* Until every member has flipped this frame or a later one, at most so long; false: it took longer. */
 bool bb_troupe_run(struct bb_troupe *w, uint64_t frame, int64_t most_ns);
 void bb_troupe_run_for(struct bb_troupe *w, int64_t ns);
 struct bb_troupe_result bb_troupe_result(struct bb_troupe *w);
@@ -66,6 +67,5 @@ struct bb_framelock *bb_troupe_lock(struct bb_troupe *w, unsigned node);
 struct bb_clock *bb_troupe_clock(struct bb_troupe *w);
 int64_t bb_troupe_now_ns(const struct bb_troupe *w);
 int64_t bb_troupe_local_ns(const struct bb_troupe *w, unsigned node, int64_t true_ns);
-uint64_t bb_troupe_drawing(const struct bb_troupe *w, unsigned node); /* frame */
 
 #endif

@@ -20,6 +20,10 @@ static void print_row(const struct bb_barrier_table *t, const struct bb_barrier_
 {
 	const struct bb_troupe_result *r = &row->result;
 
+	if (!r->frames) {
+		fprintf(out, "%9u  %-13s no frame came together\n", row->n_nodes, bb_lock_method_text(row->method));
+		return;
+	}
 	fprintf(out, "%9u  %-13s %9.1f %9.1f %9.1f %9.1f %9.1f %9.1f %9.1f %8.4f %9.1f %9.1f\n", row->n_nodes,
 	        bb_lock_method_text(row->method), r->skew.p50, r->skew.p99, r->skew.max, row->skew_model_us, r->cost.p50,
 	        r->cost.p99, row->cost_model_us, r->cost.p50 / period_us(t), r->messages, row->messages_model);
@@ -34,20 +38,30 @@ static void print_sizes(const struct bb_barrier_table *t, FILE *out)
 			print_row(t, bb_barrier_row(t, i, (enum bb_lock_method)m), out);
 }
 
+static void print_loss(const struct bb_barrier_table *t, const struct bb_barrier_row *row, FILE *out)
+{
+	const struct bb_troupe_result *r = &row->result;
+
+	fprintf(out, "%9u %7.3g  %-13s ", row->n_nodes, row->loss * 100, bb_lock_method_text(row->method));
+	if (!r->frames) {
+		fprintf(out, "no frame came together\n");
+		return;
+	}
+	fprintf(out, "%9.1f %9.1f %9.1f %9.1f %9.1f %13.4f %8.2f %9.1f %9.2f %7llu", r->skew.p50, r->skew.p99, r->skew.max,
+	        r->cost.p50, r->cost.p99, r->frames_lost, r->torn * 100, r->messages, r->resent, (unsigned long long)r->epochs);
+	if (r->frames < t->usual.frames)
+		fprintf(out, "  %llu frames", (unsigned long long)r->frames);
+	fprintf(out, "%s\n", row->ended ? "" : "  stood still");
+}
+
 static void print_losses(const struct bb_barrier_table *t, FILE *out)
 {
 	fprintf(out, "\nendpoints  lost %%  method         skew p50       p99       max  cost p50       p99  late vblanks   "
 	             "torn %%  messages    resent  epochs\n");
 	for (size_t i = 0; i < BB_BARRIER_LOSS_SIZES && t->loss_sizes[i]; i++)
 		for (size_t k = 0; k < t->n_losses; k++)
-			for (int m = 0; m < BB_LOCK_METHODS; m++) {
-				const struct bb_barrier_row *row = bb_barrier_loss_row(t, i, k, (enum bb_lock_method)m);
-				const struct bb_troupe_result *r = &row->result;
-				fprintf(out, "%9u %7.3g  %-13s %9.1f %9.1f %9.1f %9.1f %9.1f %13.4f %8.2f %9.1f %9.2f %7llu%s\n",
-				        row->n_nodes, row->loss * 100, bb_lock_method_text(row->method), r->skew.p50, r->skew.p99,
-				        r->skew.max, r->cost.p50, r->cost.p99, r->frames_lost, r->torn * 100, r->messages,
-				        r->resent, (unsigned long long)r->epochs, row->ended ? "" : "  stood still");
-			}
+			for (int m = 0; m < BB_LOCK_METHODS; m++)
+				print_loss(t, bb_barrier_loss_row(t, i, k, (enum bb_lock_method)m), out);
 }
 
 static const struct pair {
@@ -105,17 +119,21 @@ static json_t *spread_json(const struct bb_spread *s)
 	return json_pack("{s:f,s:f,s:f}", "p50", s->p50, "p99", s->p99, "max", s->max);
 }
 
+/* Of no frame nothing is known but that there was none. */
 static json_t *row_json(const struct bb_barrier_table *t, const struct bb_barrier_row *row)
 {
 	const struct bb_troupe_result *r = &row->result;
+	json_t *o = json_pack("{s:i,s:s,s:f,s:b,s:I,s:f,s:f,s:f,s:I}", "endpoints", (int)row->n_nodes, "method",
+	                      bb_lock_method_text(row->method), "loss_percent", row->loss * 100, "ended", (int)row->ended, "frames",
+	                      (json_int_t)r->frames, "skew_model_us", row->skew_model_us, "cost_model_us", row->cost_model_us,
+	                      "messages_least", row->messages_model, "epochs", (json_int_t)r->epochs);
 
-	return json_pack("{s:i,s:s,s:f,s:b,s:I,s:o,s:f,s:o,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:f,s:I}", "endpoints", (int)row->n_nodes,
-	                 "method", bb_lock_method_text(row->method), "loss_percent", row->loss * 100, "ended", (int)row->ended,
-	                 "frames", (json_int_t)r->frames, "skew_us", spread_json(&r->skew), "skew_model_us", row->skew_model_us,
-	                 "cost_us", spread_json(&r->cost), "cost_model_us", row->cost_model_us, "cost_frames",
-	                 r->cost.p50 / period_us(t), "late_vblanks", r->frames_lost, "torn_percent", r->torn * 100,
-	                 "late_percent", r->late * 100, "messages", r->messages, "messages_least", row->messages_model, "resent",
-	                 r->resent, "epochs", (json_int_t)r->epochs);
+	if (r->frames)
+		json_object_update_new(o, json_pack("{s:o,s:o,s:f,s:f,s:f,s:f,s:f,s:f}", "skew_us", spread_json(&r->skew),
+		                                    "cost_us", spread_json(&r->cost), "cost_frames", r->cost.p50 / period_us(t),
+		                                    "late_vblanks", r->frames_lost, "torn_percent", r->torn * 100,
+		                                    "late_percent", r->late * 100, "messages", r->messages, "resent", r->resent));
+	return o;
 }
 
 static json_t *crossovers_json(const struct bb_barrier_table *t)
@@ -153,7 +171,7 @@ static const struct pen_colour colours[BB_LOCK_METHODS] = {
 	{ 0.84, 0.37, 0.00, 1 }, { 0.00, 0.62, 0.45, 1 }, { 0.00, 0.45, 0.70, 1 }, { 0.55, 0.25, 0.60, 1 }
 };
 
-enum panel { SKEW, COST, LOSS };
+enum panel { SKEW, COST };
 
 static double value_of(const struct bb_barrier_row *row, enum panel panel)
 {

@@ -32,7 +32,7 @@ static const struct bb_cli_option options[] = {
 	{ NULL, NULL, NULL },
 };
 
-/* "2,4,6": n numbers within bounds; 1660 otherwise. */
+/* "2,4,6": n numbers within bounds, least first whatever their order was; 1660 otherwise. */
 static enum bb_status read_list(const struct bb_cli *cli, const char *name, const char *usual, double least, double most,
                                 double *out, size_t cap, size_t *n_out, struct bb_error *err)
 {
@@ -45,11 +45,28 @@ static enum bb_status read_list(const struct bb_cli *cli, const char *name, cons
 			break;
 		out[(*n_out)++] = v;
 		at = end;
-		if (!*at)
-			return BB_OK;
+		if (*at)
+			continue;
+		bb_stats_sort(out, *n_out);
+		return BB_OK;
 	}
 	return bb_fail(err, BB_ERR_USAGE, 1660, NULL, "--%s: at '%.20s', want up to %zu numbers from %g to %g with commas", name, at,
 	               cap, least, most);
+}
+
+/* The same of whole numbers. */
+static enum bb_status read_counts(const struct bb_cli *cli, const char *name, const char *usual, double most, unsigned *out,
+                                  size_t cap, size_t *n_out, struct bb_error *err)
+{
+	double v[BB_BARRIER_SIZES_MAX];
+	const enum bb_status st = read_list(cli, name, usual, 2, most, v, cap, n_out, err);
+
+	for (size_t i = 0; st == BB_OK && i < *n_out; i++) {
+		out[i] = (unsigned)v[i];
+		if (out[i] != v[i])
+			return bb_fail(err, BB_ERR_USAGE, 1660, NULL, "--%s: %g is not a whole number", name, v[i]);
+	}
+	return st;
 }
 
 static enum bb_status read_network(const struct bb_cli *cli, struct bb_barrier_table *t, struct bb_error *err)
@@ -82,14 +99,12 @@ static enum bb_status read_network(const struct bb_cli *cli, struct bb_barrier_t
 
 static enum bb_status read_table(const struct bb_cli *cli, struct bb_barrier_table *t, struct bb_error *err)
 {
-	double sizes[BB_BARRIER_SIZES_MAX];
-	enum bb_status st = read_list(cli, "endpoints", "2,4,6,8,16,32,64,128,256,416", 2, BB_LOCK_NODES_MAX, sizes,
-	                              BB_BARRIER_SIZES_MAX, &t->n_sizes, err);
+	enum bb_status st = read_counts(cli, "endpoints", "2,4,6,8,16,32,64,128,256,416", BB_LOCK_NODES_MAX, t->sizes,
+	                                BB_BARRIER_SIZES_MAX, &t->n_sizes, err);
 
 	if (st == BB_OK)
 		st = read_list(cli, "loss", "0,0.1,1,10,33", 0, 50, t->losses, BB_BARRIER_LOSSES_MAX, &t->n_losses, err);
 	for (size_t i = 0; i < t->n_sizes && st == BB_OK; i++) {
-		t->sizes[i] = (unsigned)sizes[i];
 		/* Under loss: the size nearest to a cave and the largest of a tiled wall's nodes that is listed. */
 		if (t->sizes[i] <= 6)
 			t->loss_sizes[0] = t->sizes[i];
@@ -120,14 +135,11 @@ static enum bb_status run_simulated(const struct bb_cli *cli, struct bb_barrier_
 
 static enum bb_status run_real(const struct bb_cli *cli, struct bb_real_table *t, struct bb_error *err)
 {
-	double sizes[BB_REAL_SIZES_MOST];
-	enum bb_status st = read_list(cli, "processes", "2,4,6,8", 2, BB_REAL_SIZE_MOST, sizes, BB_REAL_SIZES_MOST, &t->n_sizes,
-	                              err);
+	enum bb_status st = read_counts(cli, "processes", "2,4,6,8", BB_REAL_SIZE_MOST, t->sizes, BB_REAL_SIZES_MOST, &t->n_sizes,
+	                                err);
 
 	if (st == BB_OK)
 		st = bb_cli_number(cli, "seconds", 0.25, 0.02, 60, &t->seconds, err);
-	for (size_t i = 0; st == BB_OK && i < t->n_sizes; i++)
-		t->sizes[i] = (unsigned)sizes[i];
 	t->mpi_program = bb_cli_get(cli, "mpi", NULL);
 	t->progress = isatty(STDERR_FILENO) ? bb_trade_say : NULL;
 	if (st == BB_OK)
@@ -137,6 +149,15 @@ static enum bb_status run_real(const struct bb_cli *cli, struct bb_real_table *t
 	return st;
 }
 
+static enum bb_status read_parts(const struct bb_cli *cli, struct bb_error *err)
+{
+	if (bb_cli_has(cli, "real") && bb_cli_has(cli, "simulated"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--simulated only and --real only: neither is left");
+	if (bb_cli_has(cli, "real") && bb_cli_has(cli, "png"))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--png draws the simulated part, which --real leaves out");
+	return BB_OK;
+}
+
 static int bench_barrier_run(const struct bb_cli *cli)
 {
 	struct bb_barrier_table t = { .usual = bb_troupe_usual() };
@@ -144,8 +165,11 @@ static int bench_barrier_run(const struct bb_cli *cli)
 	struct bb_error err = { 0 };
 	json_t *root = json_object();
 	const bool simulated = !bb_cli_has(cli, "real"), json = bb_cli_has(cli, "json");
-	enum bb_status st = read_table(cli, &t, &err);
+	enum bb_status st = read_parts(cli, &err);
 	int code = BB_EXIT_OK;
+
+	if (st == BB_OK)
+		st = read_table(cli, &t, &err);
 
 	if (st == BB_OK && simulated)
 		st = run_simulated(cli, &t, &err);

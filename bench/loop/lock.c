@@ -8,6 +8,8 @@
 #include "sync/framelock/framelock.h"
 #include "sync/lock_proof.h"
 
+_Static_assert(sizeof(struct bb_message) > BB_LOCK_MESSAGE_MAX, "bb_lock_hear tells them apart by length");
+
 #define PLAN_AHEAD 8   /* frames from a timed plan's telling to its first flip */
 #define PLAN_FRAMES 64 /* made anew: vblanks and the head's clock drift apart */
 #define PHASE_PART 100 /* of a refresh: vblanks of one group lie closer together */
@@ -214,25 +216,32 @@ void bb_lock_destroy(struct bb_frame_loop *l)
 
 /* ---- proof ---- */
 
+/* Of the displays of one rate: others are locked to another reference, or to every second vblank of this one. */
 static bool sample(struct bb_frame_loop *l, size_t screen, struct bb_lock_proof *p, unsigned at)
 {
+	const struct bb_display_config *c = &l->room->screens[screen].display;
 	struct bb_display *d = l->rig->displays[screen];
 	struct bb_vblank v;
 	uint64_t counter;
 
-	return d && l->room->screens[screen].display.genlock && bb_display_vblank(d, &v) == BB_OK &&
-	       bb_display_swap_counter(d, &counter) == BB_OK &&
+	return d && c->genlock && (uint64_t)c->rate.num * p->rate.den == (uint64_t)p->rate.num * c->rate.den &&
+	       bb_display_vblank(d, &v) == BB_OK && bb_display_swap_counter(d, &counter) == BB_OK &&
 	       bb_lock_proof_add(p, at, counter, v.at_ns, bb_display_limits(d)->stamp_error_ns);
 }
 
 void bb_lock_prove(struct bb_frame_loop *l)
 {
-	const struct bb_rate rate = l->room->n_screens ? l->room->screens[0].display.rate : l->frame_rate;
 	struct bb_lock_proof p;
+	size_t first = 0;
 	unsigned n = 0;
 
-	bb_lock_proof_init(&p, BB_LOCK_PROOF_DISPLAYS_MAX, rate, l->refresh_ns / PHASE_PART);
-	for (size_t i = 0; i < l->room->n_screens && n < BB_LOCK_PROOF_DISPLAYS_MAX; i++)
+	while (first < l->room->n_screens && !l->room->screens[first].display.genlock)
+		first++;
+	if (first == l->room->n_screens)
+		return;
+	const struct bb_rate rate = l->room->screens[first].display.rate;
+	bb_lock_proof_init(&p, BB_LOCK_PROOF_DISPLAYS_MAX, rate, bb_rate_period_ns(rate) / PHASE_PART);
+	for (size_t i = first; i < l->room->n_screens && n < BB_LOCK_PROOF_DISPLAYS_MAX; i++)
 		n += sample(l, i, &p, n);
 	p.n = n;
 	if (n < 2)

@@ -33,11 +33,11 @@ struct estimate {
 	double error_ns[BB_CLOCKS_WAYS], stated_ns;
 };
 
-const char *bb_clocks_way_text(enum bb_clocks_way way)
+static const char *way_text(enum bb_clocks_way way)
 {
-	static const char *const text[] = { "mean of the window", "least round trip", "line of greatest margin" };
+	static const char *const text[BB_CLOCKS_WAYS] = { "mean of the window", "least round trip", "line of greatest margin" };
 
-	return (size_t)way < BB_ARRAY_LEN(text) ? text[way] : "?";
+	return text[way];
 }
 
 static double delay_ns(struct sim_rng *rng)
@@ -185,7 +185,7 @@ void bb_clocks_print(const struct bb_clocks *c, FILE *f)
 		c->n_nodes, c->rate_ppm, c->delay_us, c->p99_us, c->frame_hz, AHEAD_FRAMES, c->n_runs * c->n_flips);
 	fprintf(f, "%9s %7s", "exchanges", "full s");
 	for (int w = 0; w < BB_CLOCKS_WAYS; w++)
-		fprintf(f, " %24s", bb_clocks_way_text((enum bb_clocks_way)w));
+		fprintf(f, " %24s", way_text((enum bb_clocks_way)w));
 	fprintf(f, " %10s %8s %8s\n", "stated us", "inside %", "ns each");
 	for (unsigned k = 0; k < BB_CLOCKS_WINDOWS; k++) {
 		const struct bb_clocks_point *p = &c->point[k];
@@ -205,7 +205,7 @@ json_t *bb_clocks_json(const struct bb_clocks *c)
 		json_t *o = json_pack("{s:i, s:f, s:f, s:f, s:f}", "exchanges", (int)p->window, "fill_s", p->fill_s,
 				      "stated_us", p->stated_us, "inside", p->inside, "add_ns", p->add_ns);
 		for (int w = 0; w < BB_CLOCKS_WAYS; w++)
-			json_object_set_new(o, bb_clocks_way_text((enum bb_clocks_way)w),
+			json_object_set_new(o, way_text((enum bb_clocks_way)w),
 					    json_pack("{s:f, s:f, s:f}", "p50_us", p->p50_us[w], "p99_us", p->p99_us[w],
 						      "max_us", p->max_us[w]));
 		json_array_append_new(points, o);
@@ -238,7 +238,7 @@ static void paint(cairo_t *cr, void *ctx)
 	for (int i = 0; i < 2 * BB_CLOCKS_WAYS; i++) {
 		const int w = i % BB_CLOCKS_WAYS;
 		series[i] =
-			(struct chart_series){ .name = i < BB_CLOCKS_WAYS ? bb_clocks_way_text((enum bb_clocks_way)w)
+			(struct chart_series){ .name = i < BB_CLOCKS_WAYS ? way_text((enum bb_clocks_way)w)
 									  : NULL,
 					       .colour = colours[w],
 					       .x = x,

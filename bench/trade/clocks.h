@@ -15,7 +15,6 @@
 #define BB_CLOCKS_WINDOWS 8 /* 4, 8, .. 512 */
 
 enum bb_clocks_way { BB_CLOCKS_MEAN, BB_CLOCKS_LEAST, BB_CLOCKS_LINE, BB_CLOCKS_WAYS };
-const char *bb_clocks_way_text(enum bb_clocks_way way);
 
 struct bb_clocks_point {
 	unsigned window; /* exchanges */

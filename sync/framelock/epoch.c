@@ -73,7 +73,8 @@ void lock_epoch_due(struct bb_framelock *f, int64_t now_ns)
 	begin(f, f->next.epoch, f->next.master, &members, now_ns);
 }
 
-void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns)
+/* Goes on as master with the members of `with`; frames below `from` are released. */
+static void drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns)
 {
 	const uint32_t epoch = (f->next.any ? f->next.epoch : f->epoch) + 1;
 	struct bb_lock_set missing = { { 0 } };
@@ -151,7 +152,7 @@ static void freeze(struct bb_framelock *f, int64_t now_ns)
 void lock_go_on(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns)
 {
 	if (majority(f, with))
-		lock_drop(f, with, from, now_ns);
+		drop(f, with, from, now_ns);
 	else
 		freeze(f, now_ns);
 }
@@ -318,7 +319,7 @@ static void gather(struct bb_framelock *f, uint16_t from, uint64_t frame, int64_
 	f->state = BB_LOCK_IN;
 	f->ready = false;
 	f->wanted = (struct bb_lock_set){ { 0 } };
-	lock_drop(f, &with, f->frame + 1, now_ns);
+	drop(f, &with, f->frame + 1, now_ns);
 }
 
 void lock_hear_join(struct bb_framelock *f, uint16_t from, const struct bb_lock_message *m, int64_t now_ns)

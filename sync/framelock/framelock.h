@@ -72,7 +72,7 @@ struct bb_lock_counts {
 
 struct bb_framelock;
 
-/* Times from the period of a frame, as rooms use them: retry T/8, stall T, give up 2.5 T, master 4 T, ping T. */
+/* Times from the period of a frame, as rooms use them: retry T/8, stall T, give up 2.5 T, master 3 T, ping T. */
 void bb_lock_config_times(struct bb_lock_config *c, int64_t frame_ns);
 BB_MUST_CHECK enum bb_status bb_framelock_create(const struct bb_lock_config *config, struct bb_framelock **out);
 void bb_framelock_destroy(struct bb_framelock *f);

@@ -89,9 +89,7 @@ void lock_hear_join(struct bb_framelock *f, uint16_t from, const struct bb_lock_
 void lock_hear_refuse(struct bb_framelock *f, const struct bb_lock_message *m);
 void lock_admit(struct bb_framelock *f);     /* master, between two frames: those who asked */
 void lock_epoch_due(struct bb_framelock *f, int64_t now_ns); /* between two frames: the next epoch begins */
-/* Master: goes on with the members of `with` from `from` on; frames below are released. */
-void lock_drop(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns);
-/* The same if they are the majority; frozen otherwise. */
+/* Goes on as master with the members of `with` from `from` on, where they are the majority; freezes otherwise. */
 void lock_go_on(struct bb_framelock *f, const struct bb_lock_set *with, uint64_t from, int64_t now_ns);
 
 /* timed.c */
