@@ -309,7 +309,7 @@ static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t 
 	const struct link_peer head = link_peer(l->rig->link, 0);
 
 	(void)scheduled_ns;
-	if (head.state != LINK_PEER_JOINED || (l->scene_start_ns && now_ns - head.heard_ns > SILENT_NS) ||
+	if (head.state != LINK_PEER_JOINED || now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS) ||
 	    bb_loop_interrupted(l))
 		bb_clock_stop(l->clk);
 	return now_ns + BB_NS_PER_S / 20;
