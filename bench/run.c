@@ -258,6 +258,24 @@ static enum bb_status make_renderer(struct work *w, struct bb_error *err)
 	return bb_pictures_create(&c, &w->pictures);
 }
 
+/* Faults are planted in the head's process only: not of what another one plays, where nobody would hear of them. */
+static enum bb_status check_faults(const struct work *w, struct bb_error *err)
+{
+	const struct bb_room *room = w->run->room;
+
+	for (size_t i = 0; i < w->o->n_faults; i++) {
+		const struct sim_fault *f = &w->o->faults[i];
+		bool ours = true;
+		for (size_t n = 0; n < room->n_nodes && !strcmp(f->class_name, "node"); n++)
+			ours &= strcmp(f->id, room->nodes[n].id) || bb_remote_plays(&w->loop, n);
+		for (size_t s = 0; s < room->n_screens && !strcmp(f->class_name, "display"); s++)
+			ours &= strcmp(f->id, room->screens[s].id) || bb_remote_plays(&w->loop, room->screens[s].node);
+		if (!ours)
+			return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "\"%s\": another process plays that node", f->text);
+	}
+	return BB_OK;
+}
+
 static enum bb_status run_scene(struct work *w, struct bb_error *err)
 {
 	struct bb_frame_loop *l = &w->loop;
@@ -273,6 +291,8 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 	if (w->head)
 		l->start = bb_path_at(w->head, 0);
 	enum bb_status status = bb_loop_create(l, err);
+	if (status == BB_OK)
+		status = check_faults(w, err);
 	if (status == BB_OK && w->world)
 		status = sim_faults_plant(w->world, w->o->faults, w->o->n_faults, l->frame_ns, err);
 	if (status == BB_OK)

@@ -409,6 +409,23 @@ static void who_leaves_is_missed_and_may_join_again(void **state)
 	assert_memory_equal(b->m.bytes, "again", 5);
 }
 
+/* A process that hung until its ring was full, and died of it: who takes its place begins with an empty one. */
+static void who_left_a_full_ring_may_join_again(void **state)
+{
+	struct bench *b = *state;
+
+	for (int i = 0; i < 1000; i++)
+		assert_int_equal(bb_link_send(b->of[0], 0, 2, "unheard", 7), BB_OK);
+	bb_link_close(b->of[2]);
+	b->of[2] = NULL;
+	bb_clock_destroy(b->clk[2]);
+	assert_int_equal(bb_clock_posix_create(&b->clk[2]), BB_OK);
+	assert_true(HOLDS(b, link_peer(b->of[0], 2).state == LINK_PEER_LOST));
+	bb_clock_destroy(b->clk[2]);
+	open_process(b, 2);
+	assert_int_equal(link_peer(b->of[0], 2).joins, 2);
+}
+
 /* One that would join with something else in its group; answers what the head made of it. */
 static enum link_reason knock(struct bench *b, const struct bb_link_group *group)
 {
@@ -503,8 +520,8 @@ int main(void)
 		T(a_full_queue_loses_its_oldest), T(verbs_cut_slow_and_thin_the_traffic), T(nonsense_is_refused),
 	};
 	const struct CMUnitTest processes[] = {
-		T(all_share_the_heads_time), T(who_leaves_is_missed_and_may_join_again), T(others_are_not_let_in),
-		T(impossible_groups_are_refused),
+		T(all_share_the_heads_time), T(who_leaves_is_missed_and_may_join_again),
+		T(who_left_a_full_ring_may_join_again), T(others_are_not_let_in), T(impossible_groups_are_refused),
 	};
 	int failed = 0;
 

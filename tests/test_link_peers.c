@@ -17,6 +17,7 @@ static struct {
 	struct bytes heard[2][HEARD_MAX];  /* by receiver: 0 is the head */
 	size_t n_heard[2];
 	struct bytes in[2];                /* let through next; n 0: nothing */
+	uint8_t from;                      /* where it seems to come from */
 } wire;
 
 struct memory_link {
@@ -45,7 +46,7 @@ static size_t wire_receive(struct link_peers *l, struct link_address *from, uint
 	struct bytes *in = &wire.in[side(l)];
 	const size_t n = in->n;
 
-	*from = (struct link_address){ 1, { 1 } };
+	*from = (struct link_address){ 1, { wire.from } };
 	memcpy(bytes, in->bytes, n < cap ? n : cap);
 	in->n = 0;
 	return n;
@@ -367,6 +368,44 @@ static void nobody_speaks_for_another(void **state)
 	assert_int_equal(bb_link_receive(b->l[1], 2, &b->m), BB_ERR_RANGE);
 }
 
+/* Somebody who takes any place asks once more, from there; the place the head offers, 0: refused. */
+static uint16_t offered(struct bench *b, uint8_t from)
+{
+	const struct link_peers *head = bb_container_of(b->l[0], struct link_peers, base);
+	struct link_welcome w = { 0 };
+	struct link_packet p;
+
+	pass(b, BB_NS_PER_S / 5);
+	assert_int_equal(link_joined(b->l[1]), BB_TIMEOUT);
+	wire.from = from;
+	hear(b, 0, &wire.heard[0][wire.n_heard[0] - 1]);
+	const struct bytes *answer = &wire.heard[1][wire.n_heard[1] - 1];
+	assert_int_equal(link_packet_get(head->seal, answer->bytes, answer->n, &p), LINK_WHOLE);
+	return p.kind == LINK_WELCOME && link_welcome_get(&p, &w) ? w.process : 0;
+}
+
+/* Who takes any place and asks often, for the head is long in answering, takes one; who asks and dies keeps none. */
+static void any_place_is_promised_once_and_not_for_ever(void **state)
+{
+	struct bench *b = *state;
+
+	bb_link_close(b->l[1]);
+	hear(b, 0, &wire.heard[0][wire.n_heard[0] - 1]);
+	b->l[1] = open_side(b, BB_LINK_ANY);
+	for (int i = 0; i < 3; i++)
+		assert_int_equal(offered(b, 1), 1);
+	assert_int_equal(offered(b, 2), 2);
+	assert_int_equal(offered(b, 3), 0);
+	pass(b, BB_NS_PER_S);
+	assert_int_equal(offered(b, 3), 1);
+	for (size_t done[2] = { wire.n_heard[0], wire.n_heard[1] - 1 }; link_joined(b->l[1]) != BB_OK;) {
+		let_through(b, 1, &done[1]);
+		let_through(b, 0, &done[0]);
+	}
+	assert_int_equal(link_process(b->l[1]), 1);
+	assert_int_equal(link_peer(b->l[0], 1).state, LINK_PEER_JOINED);
+}
+
 static void gaps_are_counted(void **state)
 {
 	struct bench *b = *state;
@@ -389,7 +428,8 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(marks_are_siphash_2_4), T(a_good_packet_counts_once),
 		T(cut_and_altered_packets_change_nothing), T(a_million_random_datagrams_change_nothing),
-		T(what_an_old_session_said_is_stale), T(nobody_speaks_for_another), T(gaps_are_counted),
+		T(what_an_old_session_said_is_stale), T(nobody_speaks_for_another),
+		T(any_place_is_promised_once_and_not_for_ever), T(gaps_are_counted),
 	};
 
 	return cmocka_run_group_tests_name("what packets may change", tests, NULL, NULL);

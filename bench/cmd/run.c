@@ -151,6 +151,9 @@ static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_opt
 		                        .restart = bb_cli_has(cli, "restart"), .tell = !bb_cli_has(cli, "quiet") };
 	if (p->n > 1 && !o->posix_clock)
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--nodes %u wants --clock posix: virtual time has one process", p->n);
+	if (p->n > 1 && (o->plant_draw_ns || o->plant_bricks || o->fidelity[BB_CLASS_DISPLAYS] != -2))
+		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--plant-* and --fidelity displays=N want one process: the others "
+		               "would not know");
 	if ((p->wait || p->open) && (p->n < 2 || !p->token_file))
 		return bb_fail(err, BB_ERR_USAGE, 1671, NULL, "--wait and --open want --nodes and --token-file");
 	if (p->n > 1)

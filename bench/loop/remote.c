@@ -301,8 +301,6 @@ static void hear_start(struct bb_frame_loop *l, const struct told_message *m)
 	l->scene_start_ns = m->at_ns;
 	if (l->world)
 		sim_world_set_scene_start(l->world, m->at_ns);
-	l->late_ns = -1;
-	l->beat = (struct bb_timer){ .step = beat, .rank = 0 };
 }
 
 static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
@@ -311,7 +309,7 @@ static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t 
 	const struct link_peer head = link_peer(l->rig->link, 0);
 
 	(void)scheduled_ns;
-	if (head.state != LINK_PEER_JOINED || (l->scene_start_ns && now_ns - head.heard_ns > SILENT_NS) ||
+	if (head.state != LINK_PEER_JOINED || now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS) ||
 	    bb_loop_interrupted(l))
 		bb_clock_stop(l->clk);
 	return now_ns + BB_NS_PER_S / 20;
@@ -322,6 +320,8 @@ enum bb_status bb_remote_serve(struct bb_frame_loop *l, struct bb_error *err)
 	enum bb_status status = BB_OK;
 
 	l->look_after = (struct bb_timer){ .step = watch_head, .rank = 4 };
+	l->beat = (struct bb_timer){ .step = beat }; /* one that joins late may hear of releases before the start */
+	l->late_ns = -1;
 	for (uint16_t i = 0; i < l->room->n_nodes && status == BB_OK; i++) {
 		struct told_message m = { .kind = TOLD_READY };
 		if (!bb_remote_plays(l, i))

@@ -198,8 +198,7 @@ static void answer_refused(struct link_peers *l, const struct link_address *to, 
 	struct link_packet p = { .kind = LINK_REFUSED, .sent_ns = now_ns(l), .number = nonce, .n_bytes = 1,
 		                 .bytes = { (uint8_t)reason } };
 
-	if (put_on_wire(l, to, &p) != BB_OK)
-		l->counts.overflowed++;
+	(void)put_on_wire(l, to, &p); /* who hears no answer asks again */
 }
 
 static bool free_place(struct link_peers *l, uint16_t process)
@@ -210,12 +209,20 @@ static bool free_place(struct link_peers *l, uint16_t process)
 	       now_ns(l) - s->peer.heard_ns > TAKEN_WITHIN_NS;
 }
 
-static uint16_t find_place(struct link_peers *l, uint16_t wanted)
+/* Somebody else was just offered it. Who asks again, because the head was long in answering, is offered the same. */
+static bool is_promised(const struct link_peers *l, const struct link_session *s, const struct link_address *from)
+{
+	const bool own = s->next_address.n == from->n && !memcmp(s->next_address.bytes, from->bytes, from->n);
+
+	return s->next_session && !own && now_ns(l) - s->offered_ns <= TAKEN_WITHIN_NS;
+}
+
+static uint16_t find_place(struct link_peers *l, const struct link_address *from, uint16_t wanted)
 {
 	if (wanted != BB_LINK_ANY)
 		return wanted > 0 && wanted < l->group.n_processes && free_place(l, wanted) ? wanted : 0;
 	for (uint16_t i = 1; i < l->group.n_processes; i++)
-		if (free_place(l, i) && !l->session[i].next_session)
+		if (free_place(l, i) && !is_promised(l, &l->session[i], from))
 			return i;
 	return 0;
 }
@@ -230,7 +237,7 @@ static void hear_join(struct link_peers *l, const struct link_address *from, con
 		refuse(l, &l->counts.malformed, "malformed");
 		return;
 	}
-	const uint16_t place = find_place(l, p->process);
+	const uint16_t place = find_place(l, from, p->process);
 	const bool version = !memcmp(join.version_sha256, l->group.version_sha256, sizeof(join.version_sha256));
 	const bool config = !memcmp(join.config_sha256, l->group.config_sha256, sizeof(join.config_sha256));
 	if (!version || !config || !place) {
@@ -242,6 +249,7 @@ static void hear_join(struct link_peers *l, const struct link_address *from, con
 	struct link_session *s = &l->session[place];
 	s->next_session = answer.session = ++l->sessions;
 	s->next_address = *from;
+	s->offered_ns = now_ns(l);
 	s->next_pid = join.pid;
 	w.nonce = join.nonce;
 	w.process = place;

@@ -80,6 +80,7 @@ struct link_session {
 	struct link_address address, next_address;
 	uint64_t session, number_out, number_in;
 	uint64_t next_session; /* offered, not yet taken up; 0: none */
+	int64_t offered_ns;
 	uint32_t next_pid;
 };
 

@@ -252,6 +252,7 @@ static bool sit(struct link_shm *s, uint16_t i)
 	s->me = i;
 	s->written[i] = atomic_load(&s->region->seat[i].up.written);
 	s->read[i] = atomic_load(&s->region->seat[i].down.written);
+	atomic_store(&s->region->seat[i].down.read, s->read[i]); /* or a ring its last owner left full stays full */
 	return true;
 }
 
