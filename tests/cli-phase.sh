@@ -45,6 +45,9 @@ check "the trade" gives 0 plan cabin120 --trade --json --svg "$work/trade.svg"
 check "... light grows with crosstalk" [ "$(field "$work/out" "len(r['points']) > 15 and all(a['light_percent'] <= b['light_percent'] \
 and a['crosstalk_percent'] <= b['limit_percent'] for a, b in zip(r['points'], r['points'][1:]))")" = True ]
 
+check "a trade of one limit" gives 2 plan cabin120 --trade --limit-percent 1
+check "... is wrong usage" says BB1701
+
 cat >"$work/short.yaml" <<'YAML'
 scene: short
 technique: calibration
