@@ -35,6 +35,8 @@ check "a limit nothing holds" gives 1 plan cabin120 --limit-percent 0.05
 check "... and contrast is why" says 'contrast of the cells stops it'
 check "a limit that cannot be" gives 2 plan cabin120 --limit-percent nan
 check "... with its number" says BB1704
+sed 's/protocol: 3d-vision/protocol: nuvision/' rooms/lcd120.yaml >"$work/nuvision.yaml"
+check "tokens nobody knows" sh -c "'$program' phase '$work/nuvision.yaml' | grep -q 'nuvision.*known: 3d-vision.* epson$'"
 check "a room without stereo" gives 2 plan desk
 check "... with its number" says BB1610
 
