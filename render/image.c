@@ -128,12 +128,18 @@ enum bb_status bb_image_read_png(const char *path, size_t most_pixels, struct bb
 {
 	const struct bb_where where = { .file = path };
 	png_image png = { .version = PNG_IMAGE_VERSION };
-	FILE *f = fopen(path, "rbe");
+	/* Not blocking: a pipe by that name ends at once, and an empty file is no picture. */
+	const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+	FILE *f = fd >= 0 ? fdopen(fd, "rb") : NULL;
 	enum bb_status st;
 
 	*out = (struct bb_image){ 0 };
-	if (!f)
-		return bb_fail(err, BB_ERR_IO, 1641, &where, "%s", strerror(errno));
+	if (!f) {
+		st = bb_fail(err, BB_ERR_IO, 1641, &where, "%s", strerror(errno));
+		if (fd >= 0)
+			close(fd);
+		return st;
+	}
 	if (png_image_begin_read_from_stdio(&png, f))
 		st = read_pixels(&png, most_pixels, out, &where, err);
 	else

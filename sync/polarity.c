@@ -8,13 +8,6 @@
 #define TO_BEGIN 2
 #define SILENT_MOST 20 /* eye changes without any identity: the source is gone */
 
-const char *bb_polarity_source_text(enum bb_polarity_source source)
-{
-	static const char *const text[BB_POLARITY_SOURCES] = { "level", "counter", "vblank parity", "optical tag" };
-
-	return text[source];
-}
-
 void bb_polarity_init(struct bb_polarity *p, struct bb_rate rate)
 {
 	memset(p, 0, sizeof(*p));

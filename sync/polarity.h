@@ -8,6 +8,8 @@
  * Row G8: two eye changes in a row that disagree are a flip, reported with the time of the first; one alone is a glitch.
  * It holds again after ten frames of agreement. Where nothing tells eyes nobody can know: untagged, which means mono and
  * an alarm, and so does a source that falls silent. What is shown meanwhile is the caller's affair.
+ * A run feeds LEVEL only: the eyes of the chain's edges (bench/loop/shutters.c). MSC and TAG, with the reader below, are
+ * for a program that has such a source while it runs; light is measured after the fact here (blackburst phase measure).
  * Pure; one observation an eye change and source, in order of time per source. One thread.
  */
 #ifndef BB_SYNC_POLARITY_H
@@ -22,7 +24,6 @@ enum bb_polarity_verdict {
 	BB_POLARITY_FLIPPED,  /* each eye sees the other one's picture */
 	BB_POLARITY_UNTAGGED  /* nothing tells: show mono */
 };
-const char *bb_polarity_source_text(enum bb_polarity_source source);
 
 struct bb_polarity {
 	int64_t period_ns;            /* of eye changes */
@@ -42,10 +43,6 @@ void bb_polarity_init(struct bb_polarity *p, struct bb_rate rate);
 /* picture NONE: this source cannot tell for this change; glasses NONE: they are open for both. */
 enum bb_polarity_verdict bb_polarity_see(struct bb_polarity *p, enum bb_polarity_source source, int64_t at_ns,
                                          enum bb_eye picture, enum bb_eye glasses);
-static inline enum bb_eye bb_polarity_of_count(uint64_t count)
-{
-	return count % 2 ? BB_EYE_RIGHT : BB_EYE_LEFT;
-}
 
 /* An optical tag from the mean light of one frame after another, in any unit: whose frame was it, and where in the tag's
  * count. Learns black and white by itself from the first frames. */

@@ -12,6 +12,9 @@ exits() { # CODE COMMAND...
 says() { # CODE ERROR COMMAND...
 	exits "$1" "$program" phase measure "$3" && grep -q "BB$2" "$work/out"
 }
+timed() { # CODE ERROR FILE
+	exits "$1" timeout 20 "$program" phase measure "$3" && grep -q "BB$2" "$work/out"
+}
 close_to_plan() { # every phase within 60 us: the controllers' own errors
 	"$program" phase measure "$1" --room "$2" --json >"$work/m.json"
 	[ "$(field "$work/m.json" 'r["verdict"] == "PASS" and len(r["walls"]) == 2 and all(abs(c["value"]["value"]) < 60 for c in r["checks"] if "phase" in c["what"])')" = True ]
@@ -38,7 +41,8 @@ done
 check "the same seed gives the same bytes" exits 0 sh -c "'$program' phase sense '$work/cabin120.yaml' --out '$work/again.csv' && cmp '$work/cabin120.csv' '$work/again.csv'"
 check "edges for the plan" exits 0 "$program" phase measure "$work/cabin.csv" --room "$work/cabin.yaml" --edges "$work/edges.csv"
 check "beside the plan" exits 0 "$program" phase "$work/cabin.yaml" --measured "$work/edges.csv" --png "$work/both.png"
-check "a plot" exits 0 "$program" phase measure "$work/cabin120.csv" --png "$work/plot.png"
+check "two plots" exits 0 "$program" phase measure "$work/cabin120.csv" --png "$work/plot.png" --svg "$work/plot.svg"
+check "... of both kinds" sh -c "grep -q '<svg' '$work/plot.svg' && head -c 4 '$work/plot.png' | grep -q PNG"
 "$program" phase sense "$work/cabin120.yaml" --swapped --cycles 9 --out "$work/swapped.csv" >/dev/null
 check "swapped glasses fail" exits 1 "$program" phase measure "$work/swapped.csv"
 "$program" phase sense "$work/late.yaml" --configured --cycles 9 --out "$work/late.csv" >/dev/null
@@ -54,6 +58,14 @@ check "a picture is missing" says 2 1641 "$work/frames"
 head -c 100000 "$work/cabin120.csv" >"$work/cut.csv"
 check "a cut file" says 2 1637 "$work/cut.csv"
 check "no recording" says 2 1630 rooms/cabin.yaml
+mkfifo "$work/pipe.csv" "$work/frames/000000.png"
+check "a pipe that nobody fills is refused, not waited for" timed 2 1630 "$work/pipe.csv"
+check "... nor one among the pictures" timed 2 1641 "$work/frames"
+# Four cycles of a show are enough for a period and too few to say how sure a phase is.
+awk -F, '/^# show: / { split($0, w, " "); if (w[4] < 0.6) printf "# show: %s %s %.9f\n", w[3], w[4], w[4] + 7 / 60; next }
+	/^[0-9]/ && $1 > 0.8 { exit } { print }' "$work/cabin120.csv" >"$work/short.csv"
+"$program" phase measure "$work/short.csv" --json >"$work/m.json"
+check "JSON of a short recording has all that the table has" [ "$(field "$work/m.json" 'all(len(w["bands"]) == 6 and w["bands"][0]["crosstalk_percent"] is None and w["bands"][0]["white"]["on_us"]["sigma"] is None for w in r["walls"])')" = True ]
 check "a room without shutters" exits 2 "$program" phase sense rooms/desk.yaml --out "$work/x.csv"
 
 fidelity2() { # ROOM

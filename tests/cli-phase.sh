@@ -35,6 +35,8 @@ check "a limit nothing holds" gives 1 plan cabin120 --limit-percent 0.05
 check "... and contrast is why" says 'contrast of the cells stops it'
 check "a limit that cannot be" gives 2 plan cabin120 --limit-percent nan
 check "... with its number" says BB1704
+sed 's/protocol: 3d-vision/protocol: nuvision/' rooms/lcd120.yaml >"$work/nuvision.yaml"
+check "tokens nobody knows" sh -c "'$program' phase '$work/nuvision.yaml' | grep -q 'nuvision.*known: 3d-vision.* epson$'"
 check "a room without stereo" gives 2 plan desk
 check "... with its number" says BB1610
 
@@ -44,6 +46,9 @@ check "a drawing of another kind" gives 2 plan cabin120 --svg "$work/a.pdf"
 check "the trade" gives 0 plan cabin120 --trade --json --svg "$work/trade.svg"
 check "... light grows with crosstalk" [ "$(field "$work/out" "len(r['points']) > 15 and all(a['light_percent'] <= b['light_percent'] \
 and a['crosstalk_percent'] <= b['limit_percent'] for a, b in zip(r['points'], r['points'][1:]))")" = True ]
+
+check "a trade of one limit" gives 2 plan cabin120 --trade --limit-percent 1
+check "... is wrong usage" says BB1701
 
 cat >"$work/short.yaml" <<'YAML'
 scene: short

@@ -96,6 +96,8 @@ static int run_phase(const struct bb_cli *cli)
 	if (status)
 		return bb_cli_fail(status, &err);
 	status = bb_cli_number(cli, "limit-percent", bb_plan_limit(room), 0.001, 100, &limit_percent, &err);
+	if (!status && bb_cli_has(cli, "trade") && (bb_cli_has(cli, "measured") || bb_cli_has(cli, "limit-percent")))
+		status = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "--trade goes through all limits and takes neither a limit nor edges");
 	const int code = status                       ? bb_cli_fail(status, &err)
 			 : bb_cli_has(cli, "trade") ? run_trade(cli, room)
 						      : run_plan(cli, room, limit_percent);

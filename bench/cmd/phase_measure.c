@@ -17,12 +17,15 @@ static int exit_of(enum bb_verdict v)
 
 static int tell(const struct bb_cli *cli, const struct bb_measure *m, const struct bb_room *room)
 {
-	const char *plot = bb_cli_get(cli, "png", bb_cli_get(cli, "svg", NULL)), *edges = bb_cli_get(cli, "edges", NULL);
+	const char *edges = bb_cli_get(cli, "edges", NULL), *plots[] = { bb_cli_get(cli, "svg", NULL), bb_cli_get(cli, "png", NULL) };
 	struct bb_error err = { 0 };
-	enum bb_status status = plot ? bb_measure_plot(m, plot, &err) : BB_OK;
+	enum bb_status status = BB_OK;
 
-	if (status == BB_OK && edges && !room)
+	if (edges && !room)
 		status = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "--edges needs --room: whose edges are they?");
+	for (size_t i = 0; i < BB_ARRAY_LEN(plots); i++)
+		if (status == BB_OK && plots[i])
+			status = bb_measure_plot(m, plots[i], &err);
 	if (status == BB_OK && edges)
 		status = bb_measure_edges(m, room, edges, &err);
 

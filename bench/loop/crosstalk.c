@@ -8,7 +8,6 @@
 #include "sim/sim_display.h"
 
 #define STEP_NS 20000 /* cells and pixels are exact at any step; their product is within 1e-4 at this one */
-#define SCREENS 32
 #define SETTLE 6      /* frames of both eyes a screen has shown before it counts */
 #define FLIPS 8
 #define MOST_PERCENT 1e4 /* an eye that sees nothing of its own picture */
@@ -34,7 +33,7 @@ struct bb_crosstalk {
 	unsigned edges;        /* of the glasses since the last frame */
 	bool open;             /* the shutters do not run */
 	size_t n;
-	struct watched watched[SCREENS];
+	struct watched watched[];
 };
 
 static bool is_sim(const char *device)
@@ -48,18 +47,21 @@ static bool worth_it(const struct bb_rig *rig)
 	       is_sim(rig->room->chain.device);
 }
 
-enum bb_status bb_crosstalk_create(const struct bb_rig *rig, struct bb_crosstalk **out)
+static size_t stereo_screens(const struct bb_room *room, size_t *out)
+{
+	size_t n = 0;
+
+	for (size_t i = 0; i < room->n_screens; i++)
+		if (room->screens[i].display.stereo != BB_STEREO_MONO && is_sim(room->screens[i].display.device))
+			out[n++] = i;
+	return n;
+}
+
+static enum bb_status watch_screens(const struct bb_rig *rig, const size_t *screens, size_t n, struct bb_crosstalk **out)
 {
 	struct sim_look look = sim_look_bands();
-	size_t screens[SCREENS], n = 0;
+	struct bb_crosstalk *x = calloc(1, sizeof(*x) + n * sizeof(x->watched[0]));
 
-	*out = NULL;
-	for (size_t i = 0; i < rig->room->n_screens && n < SCREENS && worth_it(rig); i++)
-		if (rig->room->screens[i].display.stereo != BB_STEREO_MONO && is_sim(rig->room->screens[i].display.device))
-			screens[n++] = i;
-	if (!n)
-		return BB_OK;
-	struct bb_crosstalk *x = calloc(1, sizeof(*x));
 	if (!x)
 		return BB_ERR_NOMEM;
 	look.lanes = 3;
@@ -78,6 +80,19 @@ enum bb_status bb_crosstalk_create(const struct bb_rig *rig, struct bb_crosstalk
 		x->watched[i].screen = (uint16_t)screens[i];
 	*out = x;
 	return BB_OK;
+}
+
+enum bb_status bb_crosstalk_create(const struct bb_rig *rig, struct bb_crosstalk **out)
+{
+	*out = NULL;
+	if (!worth_it(rig))
+		return BB_OK;
+	size_t *screens = calloc(rig->room->n_screens + 1, sizeof(*screens));
+	const size_t n = screens ? stereo_screens(rig->room, screens) : 0;
+	const enum bb_status status = !screens ? BB_ERR_NOMEM : n ? watch_screens(rig, screens, n, out) : BB_OK;
+
+	free(screens);
+	return status;
 }
 
 void bb_crosstalk_destroy(struct bb_crosstalk *x)

@@ -2,9 +2,11 @@
 #include "bench/optics/measure.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "render/image.h"
 #include "sync/optics/recorded.h"
@@ -63,7 +65,9 @@ static enum bb_status read_text(const char *path, struct pass *p, struct bb_erro
 {
 	const struct bb_where where = { path, 0, 0 };
 	struct bb_recorded *r = malloc(sizeof(*r));
-	FILE *f = fopen(path, "re");
+	/* Not blocking: a pipe by that name must be refused, not waited for. */
+	const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
+	FILE *f = fd >= 0 ? fdopen(fd, "r") : NULL;
 	struct stat st;
 	enum bb_status status;
 
@@ -81,6 +85,8 @@ static enum bb_status read_text(const char *path, struct pass *p, struct bb_erro
 	}
 	if (f)
 		fclose(f);
+	else if (fd >= 0)
+		close(fd);
 	free(r);
 	return status;
 }

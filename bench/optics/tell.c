@@ -228,7 +228,9 @@ static json_t *json_estimate(struct bb_estimate e, double unit)
 {
 	if (!isfinite(e.value))
 		return json_null();
-	return json_pack("{s:f, s:f}", "value", e.value * unit, "sigma", e.sigma * unit);
+	/* How sure a value is may be unknown, and JSON has no word for that. */
+	return json_pack("{s:f, s:o}", "value", e.value * unit, "sigma",
+	                 isfinite(e.sigma) ? json_real(e.sigma * unit) : json_null());
 }
 
 static json_t *json_pulse(const struct bb_pulse *p)

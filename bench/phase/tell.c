@@ -177,6 +177,17 @@ static void print_drift(const struct bb_plan *p, FILE *out)
 		fprintf(out, "%-12s ... and %zu more pairs\n", "", p->n_drifts - BB_PLAN_DRIFTS_MAX);
 }
 
+static void print_known(const char *protocol, FILE *out)
+{
+	const struct bb_ir_protocol *p;
+
+	fprintf(out, "tokens       none known for '%s': whether exposures meet them is not judged; known:", protocol);
+	for (size_t i = 0; (p = bb_ir_protocol_nth(i)); i++)
+		if (bb_ir_known(p))
+			fprintf(out, " %s", p->name);
+	fputs("\n", out);
+}
+
 void bb_phase_print(const struct bb_room *room, const struct bb_plan *p, const struct bb_plan *now, FILE *out)
 {
 	fprintf(out, "%s: %g edges a second, one in %.1f us; crosstalk at most %g %%\n", room->name,
@@ -194,8 +205,7 @@ void bb_phase_print(const struct bb_room *room, const struct bb_plan *p, const s
 		fprintf(out, "tokens       %s, the lens switches at the %s\n", p->tokens->glasses,
 		        p->tokens->acts_us ? "token's begin and a delay" : "token's end");
 	else
-		fprintf(out, "tokens       none known for '%s': whether exposures meet them is not judged\n",
-		        room->chain.emitter_protocol);
+		print_known(room->chain.emitter_protocol, out);
 	print_cameras(p, out);
 	print_drift(p, out);
 }

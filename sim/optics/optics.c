@@ -6,8 +6,6 @@
 
 #include "sim/optics/light.h"
 
-#define SCREENS 32
-
 struct projector {
 	bool shuttered;
 	enum bb_eye eye;                    /* of the pair; NONE: shows both in turn */
@@ -33,7 +31,7 @@ struct sim_optics {
 	struct sim_cell lens[2];
 	double lens_light[2];
 	size_t n_screens;
-	struct screen screen[SCREENS];
+	struct screen screen[];
 };
 
 static int stage_of(const struct bb_room *room, const struct bb_screen *s)
@@ -73,9 +71,9 @@ enum bb_status sim_optics_create(const struct bb_room *room, const size_t *scree
                                  struct sim_optics **out)
 {
 	*out = NULL;
-	if (n > SCREENS || !room->has_chain || look->n_heights > SIM_HEIGHTS || look->lanes > SIM_LANES)
+	if (!room->has_chain || look->n_heights > SIM_HEIGHTS || look->lanes > SIM_LANES)
 		return BB_ERR_UNSUPPORTED;
-	struct sim_optics *o = calloc(1, sizeof(*o));
+	struct sim_optics *o = calloc(1, sizeof(*o) + n * sizeof(o->screen[0]));
 	if (!o)
 		return BB_ERR_NOMEM;
 	o->look = *look;

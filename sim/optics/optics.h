@@ -28,7 +28,7 @@ struct sim_look {                 /* where every screen is looked at: what is no
 struct sim_look sim_look_bands(void);
 
 struct sim_optics;
-/* The screens named by index (no more than 32; borrowed room). */
+/* The screens named by index; borrowed room. */
 BB_MUST_CHECK enum bb_status sim_optics_create(const struct bb_room *room, const size_t *screens, size_t n,
                                                const struct sim_look *look, struct sim_optics **out);
 void sim_optics_destroy(struct sim_optics *o);

@@ -353,12 +353,3 @@ struct bb_pulse bb_pulse_fit(const struct bb_pulse_task *t)
 	best = improve(&b, t, best_v, ROUNDS);
 	return result(&b, t, best_v, best);
 }
-
-double bb_pulse_at(const struct bb_pulse *p, const struct bb_pulse_task *t, double phase_ns)
-{
-	const double v[N] = { p->base.value,   p->height.value,           p->rise_ns.value,
-		              p->fall_ns.value, log(p->rise_tau_ns.value), log(p->fall_tau_ns.value) };
-	const struct shape s = shape_of(v, t);
-
-	return v[BASE] + v[HEIGHT] * exposed_at(&s, phase_ns, t->aperture_ns);
-}

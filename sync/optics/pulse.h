@@ -35,7 +35,5 @@ struct bb_pulse_task {
 
 /* found is false when there is no pulse that stands out of the noise. */
 struct bb_pulse bb_pulse_fit(const struct bb_pulse_task *task);
-/* The fitted light at a phase. */
-double bb_pulse_at(const struct bb_pulse *p, const struct bb_pulse_task *task, double phase_ns);
 
 #endif

@@ -172,7 +172,8 @@ static struct choice nearest(const struct search *s, double *percent_out)
 {
 	const double cycle = 2 * s->task->period_us, ratio = s->most / s->least;
 	struct choice best = { 0, s->most, 0 };
-	double least = (double)INFINITY, span = cycle / 32, factor = pow(ratio, 1.0 / 12);
+	const double factor = pow(ratio, 1.0 / 12);
+	double least = (double)INFINITY, span = cycle / 32;
 
 	for (int i = 0; i < 32; i++)
 		for (int k = 0; k <= 12; k++) {
@@ -184,22 +185,20 @@ static struct choice nearest(const struct search *s, double *percent_out)
 				best = (struct choice){ at, open, 0 };
 			}
 		}
-	for (int round = 0; round < 6; round++) {
-		const struct choice centre = best;
+	/* Each delay with its own best opening: what one band gains another loses, and the floor runs aslant. */
+	const double low = fmax(best.open / factor / factor, s->least), high = fmin(best.open * factor * factor, s->most);
+	for (; span > 1; span /= 2) {
+		const double centre = best.at;
 
-		for (int i = -2; i <= 2; i++)
-			for (int k = -2; k <= 2; k++) {
-				const double at = centre.at + span * i / 2;
-				const double open = fmin(fmax(centre.open * pow(factor, k / 2.0), s->least), s->most);
-				const double percent = probe(s, at, open).crosstalk_percent;
+		for (int i = -2; i <= 2; i++) {
+			const double at = centre + span * i / 2, open = valley(s, at, low, high);
+			const double percent = crosstalk(s, at, open);
 
-				if (percent < least) {
-					least = percent;
-					best = (struct choice){ at, open, 0 };
-				}
+			if (percent < least) {
+				least = percent;
+				best = (struct choice){ at, open, 0 };
 			}
-		span /= 2;
-		factor = sqrt(factor);
+		}
 	}
 	*percent_out = least;
 	return best;
