@@ -11,7 +11,7 @@
 #define PATTERN_PX 1050                 /* of a wall, when its pattern is drawn to be measured */
 #define PIXEL_STRIDE 2                 /* of a drawn picture every so many pixels of a row and rows are looked at */
 #define FORESEE_S 20.0
-#define FORESEE_HZ 60
+#define FORESEE_HZ 240 /* both halves of the fastest patch: what a display samples of it moves no oftener */
 #define FASTER 1.01 /* so that no display whose clock runs fast flashes after all */
 
 struct gate { /* a stage's two shutters, or the glasses' two lenses */
@@ -285,7 +285,8 @@ static const struct bb_wall *nearest_wall(const struct bb_room *room)
 enum bb_status bb_light_foresee(const struct bb_room *room, const struct bb_scene *scene, const float (*means)[3],
                                 uint32_t n_steps, double fade, struct bb_flash_worst *out)
 {
-	const int n_frames = (int)(FORESEE_HZ * fmin(scene->duration_s, FORESEE_S));
+	const double all_s = fmax(FORESEE_S, means ? 2 * n_steps * scene->data.seconds_per_step : 0); /* there and back */
+	const int64_t n_frames = (int64_t)(FORESEE_HZ * fmin(scene->duration_s, all_s));
 	struct bb_flash_grid g = { 0 }, under = { 0 };
 	struct bb_flash_meter *m;
 
@@ -294,8 +295,8 @@ enum bb_status bb_light_foresee(const struct bb_room *room, const struct bb_scen
 		return BB_OK;
 	const struct bb_corners *wall = &nearest_wall(room)->corners;
 	const enum bb_status status = bb_flash_create(wall, 1, room->neutral, &room->safety, &m);
-	for (int k = 0; k <= n_frames && status == BB_OK; k++) {
-		const double t_s = FASTER * k / FORESEE_HZ, at = means ? bb_loop_steps_at(scene, n_steps, t_s) : 0;
+	for (int64_t k = 0; k <= n_frames && status == BB_OK; k++) {
+		const double t_s = FASTER * (double)k / FORESEE_HZ, at = means ? bb_loop_steps_at(scene, n_steps, t_s) : 0;
 		const uint32_t step = (uint32_t)at, next = step + 1 < n_steps ? step + 1 : step;
 		double rgb[3];
 
