@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "bench/loop/loop.h"
+#include "render/image_metrics.h"
 
 #define KNOTS 64
 #define WATCHDOG_NS INT64_C(100000000) /* a stage that hears nothing opens by itself (docs/shutter-od.md) */
@@ -47,14 +48,9 @@ struct bb_light {
 	int64_t edge_ns[3];       /* the glasses' last ones, newest first; 0: none */
 };
 
-double bb_light_linear(double c)
-{
-	return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
-}
-
 static double linear(uint8_t v)
 {
-	return bb_light_linear(v / 255.0);
+	return bb_srgb_to_linear(v / 255.0);
 }
 
 static uint8_t encoded(double y)
@@ -82,7 +78,7 @@ static void brightest(const struct bb_transfer *tf, double rgb[3])
 	memset(rgb, 0, 3 * sizeof(rgb[0]));
 	for (size_t i = 0; i < tf->n; i++) {
 		const struct bb_transfer_point *p = &tf->point[i];
-		const float c[3] = { (float)bb_light_linear(p->r), (float)bb_light_linear(p->g), (float)bb_light_linear(p->b) };
+		const float c[3] = { (float)bb_srgb_to_linear(p->r), (float)bb_srgb_to_linear(p->g), (float)bb_srgb_to_linear(p->b) };
 		if (p->opacity <= 0 || bb_flash_luminance(c) <= most)
 			continue;
 		most = bb_flash_luminance(c);
@@ -200,7 +196,7 @@ void bb_light_fade(struct bb_image *image, double fade)
 
 /* ---- the patch ---- */
 
-double bb_patch_grey(const struct bb_scene *s, double t_s)
+static double grey_at(const struct bb_scene *s, double t_s)
 {
 	const bool high = fmod(floor(2 * s->patch.hz * t_s), 2) > 0;
 
@@ -220,7 +216,7 @@ static void patch_grid(const struct bb_scene *s, const struct bb_corners *wall, 
 {
 	const double width_m = bb_vec3_norm(bb_vec3_sub(wall->lower_right, wall->lower_left));
 	const double height_m = bb_vec3_norm(bb_vec3_sub(wall->upper_left, wall->lower_left));
-	const double grey = bb_patch_grey(s, t_s);
+	const double grey = grey_at(s, t_s);
 
 	out->generation++;
 	for (int i = 0; i < BB_FLASH_CELLS; i++) {
@@ -239,7 +235,7 @@ void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_
 	const double width_m = bb_vec3_norm(bb_vec3_sub(wall->lower_right, wall->lower_left));
 	const double height_m = bb_vec3_norm(bb_vec3_sub(wall->upper_left, wall->lower_left));
 	const double size = s->patch.size_m > 0 ? s->patch.size_m : fmax(width_m, height_m);
-	const uint8_t grey = encoded(bb_patch_grey(s, t_s));
+	const uint8_t grey = encoded(grey_at(s, t_s));
 	double uv[4];
 
 	if (!(s->patch.hz > 0))
@@ -256,7 +252,7 @@ void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_
 
 void bb_light_patch(struct bb_light *l, double t_s)
 {
-	const double grey = bb_patch_grey(l->c.scene, t_s);
+	const double grey = grey_at(l->c.scene, t_s);
 
 	if (l->c.drawn || !(l->c.scene->patch.hz > 0) || !(grey < l->grey || grey > l->grey))
 		return;
