@@ -1,26 +1,18 @@
 /* tests/test_blackbox.c: planted faults, and whether what the black box puts first is what was planted. */
 #include "bench/blackbox.h"
-#include "tests/flash_campaign.h"
+#include "tests/still_run.h"
 
 static void first_cause(const char *fault, const char *culprit, const char *words)
 {
-	struct bb_run_options o = bb_run_options_default();
-	struct bb_error err = { 0 };
 	struct sim_fault f[1];
 	struct bb_run run;
-	const char *scene = still_scene();
 	size_t n = 0;
 
 	if (fault)
 		plant(f, &n, fault);
-	o.room_path = "rooms/cabin.yaml";
-	o.scene_path = scene;
+	struct bb_run_options o = still_options("rooms/cabin.yaml", f, n);
 	o.duration_s = 4;
-	o.pictures = false;
-	o.faults = f;
-	o.n_faults = n;
-	if (bb_run(&o, &run, &err) != BB_OK)
-		fail_msg("%s", err.text);
+	still_run(o, &run);
 	const struct bb_run_result *r = run.result;
 	if (!culprit) {
 		assert_int_equal(r->n_black, 0);
@@ -34,7 +26,6 @@ static void first_cause(const char *fault, const char *culprit, const char *word
 		printf("black box: %-46s %s\n", fault, r->black[0].cause[0].text);
 	}
 	bb_run_free(&run);
-	unlink(scene);
 }
 
 static void the_first_cause_is_the_planted_one(void **state)
