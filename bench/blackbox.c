@@ -22,7 +22,7 @@ struct dump {
 struct bb_blackbox {
 	struct bb_eventlog *log;
 	uint64_t total;
-	struct bb_event ring[BB_BLACKBOX_RING];
+	struct bb_event ring[BB_BLACKBOX_EVENTS];
 	size_t n_dumps;
 	uint64_t triggers;
 	struct dump dump[BB_BLACK_MOST];
@@ -47,22 +47,23 @@ void bb_blackbox_destroy(struct bb_blackbox *b)
 void bb_blackbox_events(struct bb_blackbox *b, const struct bb_event *events, size_t n)
 {
 	for (size_t i = 0; b && i < n; i++)
-		b->ring[b->total++ % BB_BLACKBOX_RING] = events[i];
+		b->ring[b->total++ % BB_BLACKBOX_EVENTS] = events[i];
 }
 
 void bb_blackbox_trigger(struct bb_blackbox *b, const struct bb_black_trigger *t)
 {
-	if (!b || b->n_dumps == BB_BLACK_MOST)
+	if (!b)
 		return;
 	b->triggers++;
-	if (b->n_dumps && t->at_ns - b->dump[b->n_dumps - 1].trigger.at_ns < APART_NS)
+	if (b->n_dumps == BB_BLACK_MOST ||
+	    (b->n_dumps && t->at_ns - b->dump[b->n_dumps - 1].trigger.at_ns < APART_NS))
 		return;
 	bb_eventlog_flush(b->log); /* what has not come to the ring yet */
 	struct dump *d = &b->dump[b->n_dumps++];
 	d->trigger = *t;
 	d->n = b->total < BB_BLACKBOX_EVENTS ? (size_t)b->total : BB_BLACKBOX_EVENTS;
 	for (size_t i = 0; i < d->n; i++)
-		d->event[i] = b->ring[(b->total - d->n + i) % BB_BLACKBOX_RING];
+		d->event[i] = b->ring[(b->total - d->n + i) % BB_BLACKBOX_EVENTS];
 }
 
 /* ---- causes ---- */

@@ -11,8 +11,7 @@
 #include "bench/result.h"
 #include "hal/eventlog.h"
 
-#define BB_BLACKBOX_RING 4096
-#define BB_BLACKBOX_EVENTS 256 /* kept of it, before the trigger */
+#define BB_BLACKBOX_EVENTS 1024 /* half a second of a cabin, five frames of 416 screens */
 
 enum bb_black_kind { BB_BLACK_LOCK, BB_BLACK_LATE, BB_BLACK_UNSEEN };
 

@@ -14,29 +14,42 @@ static volatile sig_atomic_t child;
 
 static const int ends[] = { SIGINT, SIGTERM, SIGHUP, SIGPIPE };
 
-static void catch(int number)
+/* A terminal and systemd tell parent and child, and the parent passes it on: that is one signal, not the second one. */
+static void catch(int number, siginfo_t *info, void *context)
 {
+	static volatile sig_atomic_t times[2][NSIG];
+	const bool passed_on = info->si_code == SI_QUEUE;
+
+	(void)context;
 	caught = number;
+	times[passed_on][number]++;
+	if (times[passed_on][number] < 2)
+		return;
+	signal(number, SIG_DFL);
+	raise(number);
 }
 
-static void pass_on(int number)
+static void pass_on(int number, siginfo_t *info, void *context)
 {
+	(void)info;
+	(void)context;
 	if (child > 0)
-		kill(child, number);
+		sigqueue(child, number, (union sigval){ 0 });
 }
 
-static void handle(void (*handler)(int), int flags)
+static void handle(void (*handler)(int, siginfo_t *, void *), int flags)
 {
-	struct sigaction action = { .sa_flags = flags };
+	struct sigaction action = { .sa_flags = flags | SA_SIGINFO }, was;
 
-	action.sa_handler = handler;
+	action.sa_sigaction = handler;
 	for (size_t i = 0; i < BB_ARRAY_LEN(ends); i++)
-		sigaction(ends[i], &action, NULL);
+		if (sigaction(ends[i], &action, &was) == 0 && ends[i] == SIGHUP && was.sa_handler == SIG_IGN)
+			sigaction(SIGHUP, &was, NULL); /* nohup */
 }
 
 const volatile sig_atomic_t *bb_guardian_signals(void)
 {
-	handle(catch, (int)SA_RESETHAND); /* sleeping is broken off: no SA_RESTART */
+	handle(catch, 0); /* sleeping is broken off: no SA_RESTART */
 	return &caught;
 }
 
@@ -90,9 +103,10 @@ bool bb_guardian_fork(const struct bb_room *room, int *code_out, struct bb_error
 		*code_out = WEXITSTATUS(how);
 		return false;
 	}
-	const enum bb_status status = bb_guardian_wanted(room) ? open_shutters(room) : BB_OK;
+	const bool real = bb_guardian_wanted(room);
+	const enum bb_status status = real ? open_shutters(room) : BB_OK;
 	*code_out = BB_EXIT_INTERNAL;
 	(void)!bb_fail(err, BB_ERR_LOST, 1692, NULL, "of signal %d (%s); shutters %s", WTERMSIG(how), strsignal(WTERMSIG(how)),
-	               status == BB_OK ? "opened" : bb_status_text(status));
+	               status != BB_OK ? bb_status_text(status) : real ? "opened" : "died with it: they are simulated");
 	return false;
 }

@@ -11,7 +11,7 @@
 
 #include "hal/room.h"
 
-/* From now on the first such signal sets *bb_guardian_signal(), the second one does what it always does. */
+/* From now on the first such signal sets what is returned, the second of the same one does what it always does. */
 const volatile sig_atomic_t *bb_guardian_signals(void);
 
 /* Does a room of this have shutters that go on when this process is gone? */

@@ -14,6 +14,7 @@
 #include "bench/loop/remote.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
+#include "render/image_metrics.h"
 #include "render/parallel.h"
 
 #define BRING_UP_MOST_NS (120 * BB_NS_PER_S)
@@ -141,7 +142,7 @@ static float (*step_means(const struct work *w))[3]
 			bb_transfer_at(&w->transfer, (i + 0.5) / BB_STATS_BINS, c);
 			const double part = h[BB_HIST_VALUE][i] / 65535.0 * bb_transfer_opacity_for_step(c[3], 8);
 			for (int k = 0; k < 3; k++)
-				mean[step][k] += (float)(part * bb_light_linear(c[k]));
+				mean[step][k] += (float)(part * bb_srgb_to_linear(c[k]));
 		}
 	}
 	return mean;

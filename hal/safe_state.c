@@ -2,13 +2,6 @@
 
 #define STEP_PARTS 20 /* of a fade: as far as one call moves it, however late it comes */
 
-const char *bb_show_text(enum bb_show show)
-{
-	static const char *const text[] = { "stereo", "mono", "black", "open" };
-
-	return text[show];
-}
-
 void bb_safe_init(struct bb_safe_state *s, const struct bb_safety *limits, double dim, enum bb_show show, int64_t now_ns)
 {
 	*s = (struct bb_safe_state){ .fade_ns = (int64_t)(limits->fade_ms * 1e6),

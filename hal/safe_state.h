@@ -18,10 +18,9 @@
 enum bb_show { /* what is asked for */
 	BB_SHOW_STEREO,
 	BB_SHOW_MONO,  /* shutters run, both eyes see one view */
-	BB_SHOW_BLACK, /* shutters as they are, pictures dark */
+	BB_SHOW_BLACK, /* shutters as they are, pictures dark; the loop never asks for it */
 	BB_SHOW_OPEN   /* the safe state: shutters open, one view */
 };
-const char *bb_show_text(enum bb_show show); /* "stereo" ... */
 
 struct bb_safe_output {
 	bool open;     /* the shutters, all of them and the glasses; else they run */

@@ -103,12 +103,14 @@ enum bb_status bb_ssim(const float *a, const float *b, uint32_t width, uint32_t 
 
 /* ---- L*u*v* ---- */
 
-/* Linear light of an 8-bit value. */
+double bb_srgb_to_linear(double c)
+{
+	return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
+}
+
 static double linear(uint8_t v)
 {
-	const double c = v / 255.0;
-
-	return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
+	return bb_srgb_to_linear(v / 255.0);
 }
 
 /* From linear RGB; white is what the matrix makes of (1, 1, 1), so greys have no colour. */

@@ -31,6 +31,8 @@ BB_MUST_CHECK enum bb_status bb_image_quality(const struct bb_image *a, const st
 BB_MUST_CHECK enum bb_status bb_ssim(const float *a, const float *b, uint32_t width, uint32_t height, double range,
 				     const uint8_t *covered, double *out);
 
+/* Linear light, 0..1, of a channel of sRGB, 0..1. */
+double bb_srgb_to_linear(double encoded);
 /* L*, u*, v* of 8-bit sRGB. */
 void bb_srgb_to_luv(const uint8_t rgb[3], double luv[3]);
 

@@ -49,7 +49,7 @@ void bb_flash_destroy(struct bb_flash_meter *m); /* NULL allowed */
 void bb_flash_frame(struct bb_flash_meter *m, unsigned wall, unsigned eye, int64_t at_ns, const struct bb_flash_grid *g,
                     double light);
 struct bb_flash_worst bb_flash_worst(const struct bb_flash_meter *m);
-/* Opposing changes so far, all cells and rules: that the meter was awake. */
+/* For tests: opposing changes so far, all cells and rules; the solid angle of a cell. */
 uint64_t bb_flash_changes(const struct bb_flash_meter *m);
 double bb_flash_cell_sr(const struct bb_flash_meter *m, unsigned wall, unsigned cell);
 /* Relative luminance of linear sRGB. */

@@ -34,13 +34,19 @@ check "--allow-flash runs it" passes fast --allow-flash
 check "with a warning" grep -q '^WARNING: ' "$work/err"
 
 # Row O2: asked to end, or dead. Real time, in a room without cameras.
-ended() { # SIGNAL
-	"$program" run rooms/cabin.yaml "$work/slow.yaml" --clock posix --no-pictures --quiet --guard --out "$work/$1" 2>"$work/err" &
+told() { # SIGNAL [GROUP]; "-": as a terminal and systemd do it, parent and child are told, and the parent passes it on
+	setsid "$program" run rooms/cabin.yaml "$work/slow.yaml" --clock posix --no-pictures --quiet --guard --duration 2.5 --out "$work/$1" 2>"$work/err" &
 	parent=$!
 	sleep 1.5
-	kill "-$1" $parent
+	kill "-$1" "${2:-}$parent"
 	wait $parent
-	[ "$(field "$work/$1/result.json" 'r["truncated"]')" = True ] || { head -3 "$work/err"; return 1; }
+	field "$work/$1/result.json" 'r["truncated"]'
+}
+ended() {
+	[ "$(told "$@")" = True ] || { head -3 "$work/err"; return 1; }
+}
+went_on() { # as under nohup
+	[ "$(trap '' HUP && told HUP)" = False ] || { head -3 "$work/err"; return 1; }
 }
 died() { # SIGNAL; a sanitizer would turn a crash into an exit
 	ASAN_OPTIONS="${ASAN_OPTIONS:-}:handle_segv=0" "$program" run rooms/cabin.yaml "$work/slow.yaml" --clock posix --no-pictures --quiet --guard --out "$work/$1" 2>"$work/err" &
@@ -54,6 +60,8 @@ died() { # SIGNAL; a sanitizer would turn a crash into an exit
 for signal in INT TERM HUP; do
 	check "$signal ends in a report that says so" ended $signal
 done
+check "a terminal's INT too" ended INT -
+check "HUP that is ignored stays ignored" went_on
 for signal in SEGV KILL; do
 	check "$signal is seen by the guard" died $signal
 done

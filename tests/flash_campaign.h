@@ -6,16 +6,9 @@
 #ifndef BB_TESTS_FLASH_CAMPAIGN_H
 #define BB_TESTS_FLASH_CAMPAIGN_H
 
-#include "bench/run.h"
-#include "tests/fixture_room.h"
-
-#include <unistd.h>
+#include "tests/still_run.h"
 
 #define WALLS 5
-/* White walls: on anything darker less would flash. */
-#define STILL_SCENE                                                                                                    \
-	"scene: white\ntechnique: calibration\nduration_s: 10\nneeds: {shutters: 1, displays: 1}\n"                   \
-	"patch: {hz: 1, size_m: 0, low_percent: 100, high_percent: 100}\n"
 
 struct oracle {
 	bool external;
@@ -137,14 +130,6 @@ static inline double pick(struct sim_rng *r, double least, double most)
 	return least + (most - least) * sim_rng_uniform(r);
 }
 
-static inline void plant(struct sim_fault *f, size_t *n, const char *text)
-{
-	struct bb_error err = { 0 };
-
-	if (sim_fault_parse(text, &f[(*n)++], NULL, &err) != BB_OK)
-		fail_msg("%s: %s", text, err.text);
-}
-
 static const char *const walls_of_cabin[] = { "front", "left", "right", "back", "floor" };
 
 /* gentle: not while the frame loop stands still, for then nobody is there to hold anything. */
@@ -210,16 +195,15 @@ struct campaign {
 	char hash[65];
 };
 
-static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault *f, size_t n, const char *scene, double duration_s)
+/* duration_s 0: the scene's own ten. */
+static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault *f, size_t n, double duration_s)
 {
-	struct bb_run_options o = bb_run_options_default();
+	struct bb_run_options o = still_options(seed % 2 ? "rooms/cabin.yaml" : "rooms/cabin120.yaml", f, n);
 	struct oracle *oracle = calloc(1, sizeof(*oracle));
 	struct campaign c = { 0 };
-	struct bb_error err = { 0 };
 	struct bb_run run;
 
 	assert_non_null(oracle);
-	o.room_path = seed % 2 ? "rooms/cabin.yaml" : "rooms/cabin120.yaml";
 	oracle->external = seed % 2;
 	oracle->light = 1;
 	oracle->faults = f;
@@ -227,40 +211,20 @@ static inline struct campaign campaign_of(uint64_t seed, const struct sim_fault 
 		oracle->gate[w][0] = oracle->gate[w][1] = 1;
 	for (int w = 0; w < WALLS; w++)
 		oracle->low[w][0] = oracle->low[w][1] = oracle->high[w][0] = oracle->high[w][1] = 1; /* a room begins open */
-	o.scene_path = scene;
 	o.seed = seed;
 	o.duration_s = duration_s;
-	o.pictures = false;
-	o.faults = f;
-	o.n_faults = n;
 	o.events = oracle_events;
 	o.events_ctx = oracle;
-	if (bb_run(&o, &run, &err) != BB_OK)
-		fail_msg("seed %llu: %s", (unsigned long long)seed, err.text);
+	still_run(o, &run);
 	c.meter = bb_ledger_metric(run.result->ledger, BB_METRIC_FLASHES).max;
 	c.oracle = oracle->worst;
 	c.oracle_ns = oracle->worst_ns;
 	c.all = oracle->all;
-	for (size_t i = 0; i < run.result->n_counters; i++)
-		if (!strcmp(run.result->counters[i].name, "shutters_opened"))
-			c.opened = run.result->counters[i].value;
+	c.opened = counted(run.result, "shutters_opened");
 	memcpy(c.hash, run.result->event_log_sha256, sizeof(c.hash));
 	bb_run_free(&run);
 	free(oracle);
 	return c;
-}
-
-static inline const char *still_scene(void)
-{
-	static char path[32];
-
-	snprintf(path, sizeof(path), "/tmp/bb_still_XXXXXX.yaml");
-	const int fd = mkstemps(path, 5);
-
-	assert_true(fd >= 0);
-	assert_int_equal(write(fd, STILL_SCENE, sizeof(STILL_SCENE) - 1), sizeof(STILL_SCENE) - 1);
-	close(fd);
-	return path;
 }
 
 #endif

@@ -6,7 +6,6 @@
 
 static inline struct campaign flapping(uint64_t room)
 {
-	const char *scene = still_scene();
 	struct sim_fault *f = calloc(100, sizeof(*f));
 	size_t n = 0;
 
@@ -16,8 +15,7 @@ static inline struct campaign flapping(uint64_t room)
 		snprintf(text, sizeof(text), "at %dms shutter/chain stuck for 50ms", 1000 + 100 * i);
 		plant(f, &n, text);
 	}
-	const struct campaign c = campaign_of(room, f, n, scene, 0);
-	unlink(scene);
+	const struct campaign c = campaign_of(room, f, n, 0);
 	free(f);
 	return c;
 }

@@ -1,27 +1,18 @@
 /* tests/test_blackbox.c: planted faults, and whether what the black box puts first is what was planted. */
 #include "bench/blackbox.h"
-#include "tests/flash_campaign.h"
+#include "tests/still_run.h"
 
-static void first_cause(const char *fault, const char *culprit, const char *words, int64_t plant_bricks)
+static void first_cause(const char *fault, const char *culprit, const char *words)
 {
-	struct bb_run_options o = bb_run_options_default();
-	struct bb_error err = { 0 };
 	struct sim_fault f[1];
 	struct bb_run run;
-	const char *scene = still_scene();
 	size_t n = 0;
 
 	if (fault)
 		plant(f, &n, fault);
-	o.room_path = "rooms/cabin.yaml";
-	o.scene_path = plant_bricks ? "scenes/cme.yaml" : scene;
+	struct bb_run_options o = still_options("rooms/cabin.yaml", f, n);
 	o.duration_s = 4;
-	o.pictures = false;
-	o.faults = f;
-	o.n_faults = n;
-	o.plant_bricks = plant_bricks;
-	if (bb_run(&o, &run, &err) != BB_OK)
-		fail_msg("%s", err.text);
+	still_run(o, &run);
 	const struct bb_run_result *r = run.result;
 	if (!culprit) {
 		assert_int_equal(r->n_black, 0);
@@ -30,27 +21,56 @@ static void first_cause(const char *fault, const char *culprit, const char *word
 		for (size_t i = 0; i < r->n_black; i++) {
 			const struct bb_black_cause *c = &r->black[i].cause[0];
 			if (!r->black[i].n_causes || strcmp(c->culprit, culprit) || !strstr(c->text, words))
-				fail_msg("%s: %s: %s", fault ? fault : "bricks", r->black[i].what, c->text);
+				fail_msg("%s: %s: %s", fault, r->black[i].what, c->text);
 		}
-		printf("black box: %-46s %s\n", fault ? fault : "all bricks at once", r->black[0].cause[0].text);
+		printf("black box: %-46s %s\n", fault, r->black[0].cause[0].text);
 	}
 	bb_run_free(&run);
-	unlink(scene);
 }
 
 static void the_first_cause_is_the_planted_one(void **state)
 {
 	(void)state;
-	first_cause(NULL, NULL, NULL, 0);
-	first_cause("at 2s shutter/chain stuck for 1s", "shutter/chain", "SYNC_LOST", 0);
-	first_cause("at 2s shutter/chain unplug for 1s", "shutter/chain", "CHAIN_GONE", 0);
-	first_cause("at 2s shutter/chain rate hz=96 for 1s", "shutter/chain", "RATE_CHANGE", 0);
-	first_cause("at 2s node/right slow ms=20", "node/right", "drawing took", 0);
-	first_cause("at 2s node/left late frames=2 for 1s", "node/left", "drawing took", 0);
-	first_cause("at 2s node/back crash for 1s", "node/back", "never took the scene state", 0);
-	first_cause("at 2s link/net partition node=floor for 1s", "node/floor", "never took the scene state", 0);
-	first_cause("at 2s link/net down for 500ms", "link/net", "the network is down", 0);
-	first_cause("at 2s display/front drop_flip n=3", "display/front", "never showed frame", 0);
+	first_cause(NULL, NULL, NULL);
+	first_cause("at 2s shutter/chain stuck for 1s", "shutter/chain", "SYNC_LOST");
+	first_cause("at 2s shutter/chain unplug for 1s", "shutter/chain", "CHAIN_GONE");
+	first_cause("at 2s shutter/chain rate hz=96 for 1s", "shutter/chain", "RATE_CHANGE");
+	first_cause("at 2s node/right slow ms=20", "node/right", "drawing took");
+	first_cause("at 2s node/left late frames=2 for 1s", "node/left", "drawing took");
+	first_cause("at 2s node/back crash for 1s", "node/back", "never took the scene state");
+	first_cause("at 2s link/net partition node=floor for 1s", "node/floor", "never took the scene state");
+	first_cause("at 2s link/net down for 500ms", "link/net", "the network is down");
+	first_cause("at 2s display/front drop_flip n=3", "display/front", "never showed frame");
+}
+
+/* What is not kept is counted; the events are the last ones, in order. */
+static void told_of_all(const struct bb_blackbox *b, const struct bb_run_result *r)
+{
+	char dir[] = "/tmp/bb_black_XXXXXX", path[64], line[256] = "";
+	struct bb_error err = { 0 };
+	long a, before = 0, n = 0;
+
+	assert_non_null(mkdtemp(dir));
+	assert_int_equal(bb_blackbox_write(b, r, dir, &err), BB_OK);
+	snprintf(path, sizeof(path), "%s/blackbox.txt", dir);
+	FILE *f = fopen(path, "r");
+	assert_non_null(f);
+	while (fgets(line, sizeof(line), f)) {
+		const char *draw = strstr(line, " draw ");
+		if (!draw)
+			continue;
+		a = atol(draw + 6);
+		assert_true(n++ % BB_BLACKBOX_EVENTS == 0 || a == (before + 1) % 300);
+		before = a;
+	}
+	assert_int_equal(n, 4 * BB_BLACKBOX_EVENTS);
+	assert_int_equal(before, 299);
+	assert_string_equal(line, "50 times in all that something went wrong; the first 4, a second apart, are kept\n");
+	fclose(f);
+	unlink(path);
+	snprintf(path, sizeof(path), "%s/blackbox.json", dir);
+	unlink(path);
+	rmdir(dir);
 }
 
 /* Late because of bricks: the sentence says so, and how long they took. */
@@ -90,6 +110,7 @@ static void bricks_are_named(void **state)
 	assert_int_equal(r.n_black, 4);
 	assert_string_equal(r.black[0].cause[0].text, "node/n3 late at frame 8123: its bricks took 41 ms (usually 1)");
 	assert_string_equal(r.black[0].cause[1].text, "node/n3 late at frame 8123: drawing took 3 ms (usually 2)");
+	told_of_all(b, &r);
 	bb_blackbox_destroy(b);
 	bb_ledger_destroy(r.ledger);
 	free(log);

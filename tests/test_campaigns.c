@@ -10,7 +10,6 @@ static uint64_t n_campaigns = 200, first;
 
 static void no_campaign_flashes(void **state)
 {
-	const char *scene = still_scene();
 	struct sim_fault *f = calloc(300, sizeof(*f));
 	uint64_t opened = 0, faults = 0, silent = 0, nobody = 0;
 	double worst = 0;
@@ -21,7 +20,7 @@ static void no_campaign_flashes(void **state)
 	assert_non_null(f);
 	for (uint64_t seed = first + 1; seed <= first + n_campaigns; seed++) {
 		const size_t n = plan_faults(seed, f, 300);
-		const struct campaign c = campaign_of(seed, f, n, scene, 0);
+		const struct campaign c = campaign_of(seed, f, n, 0);
 		faults += n;
 		opened += c.opened;
 		silent += c.meter <= 0;
@@ -39,7 +38,6 @@ static void no_campaign_flashes(void **state)
 	printf("flashes: %llu campaigns of 10 s, %llu faults, shutters opened %llu times; worst second %.1f by the meter, %.1f by "
 	       "the oracle, %llu above while the head was suspended; %llu without any change\n", (unsigned long long)n_campaigns,
 	       (unsigned long long)faults, (unsigned long long)opened, worst, most / 2.0, (unsigned long long)nobody, (unsigned long long)silent);
-	unlink(scene);
 	free(f);
 	assert_int_equal(bad, 0);
 	assert_true(nobody * 500 <= n_campaigns);
@@ -48,22 +46,19 @@ static void no_campaign_flashes(void **state)
 
 static void a_campaign_repeats(void **state)
 {
-	const char *scene = still_scene();
 	struct sim_fault *f = calloc(300, sizeof(*f));
 	const size_t n = plan_faults(9, f, 300);
 
 	(void)state;
-	const struct campaign a = campaign_of(9, f, n, scene, 0), b = campaign_of(9, f, n, scene, 0);
+	const struct campaign a = campaign_of(9, f, n, 0), b = campaign_of(9, f, n, 0);
 	assert_string_equal(a.hash, b.hash);
 	assert_true(a.meter >= b.meter && a.meter <= b.meter && a.oracle == b.oracle);
-	unlink(scene);
 	free(f);
 }
 
 /* Eyes that swap and swap while the head is suspended: that flashes; when it wakes it opens, for the chain tells it. */
 static void nobody_holds_while_suspended(void **state)
 {
-	const char *scene = still_scene();
 	struct sim_fault f[4] = { 0 };
 	size_t n = 0;
 
@@ -72,11 +67,10 @@ static void nobody_holds_while_suspended(void **state)
 	plant(f, &n, "at 2.04s shutter/chain flip_polarity for 25ms");
 	plant(f, &n, "at 2.09s shutter/chain flip_polarity for 25ms");
 	plant(f, &n, "at 2.14s shutter/chain flip_polarity for 25ms");
-	const struct campaign c = campaign_of(2, f, n, scene, 4);
+	const struct campaign c = campaign_of(2, f, n, 4);
 	printf("flashes: %.1f in a second while the head is suspended, %.1f of them when it is not\n", c.all / 2.0, c.oracle / 2.0);
 	assert_true(c.all > 6 && c.oracle <= 6);
 	assert_int_equal(c.opened, 1);
-	unlink(scene);
 }
 
 int main(int argc, char **argv)

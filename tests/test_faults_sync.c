@@ -4,7 +4,7 @@
  * and test_faults_can.c.) A period is that of the sync, 8.33 ms.
  */
 #include "tests/fault_table.h"
-#include "tests/flash_campaign.h"
+#include "tests/still_run.h"
 
 #include <signal.h>
 #include <sys/stat.h>
@@ -90,12 +90,9 @@ struct setting {
 
 static void tell(struct story *s, const struct setting *set, const char *const *texts, size_t n_texts)
 {
-	struct bb_run_options o = bb_run_options_default();
 	struct sim_fault f[8];
-	struct bb_error err = { 0 };
 	struct bb_run run;
 	char dir[] = "/tmp/bb_sync_XXXXXX", room[64], name[64];
-	const char *scene = still_scene();
 	size_t n = 0;
 
 	memset(s, 0, sizeof(*s));
@@ -105,32 +102,23 @@ static void tell(struct story *s, const struct setting *set, const char *const *
 	write_room(room, sizeof(room), dir, set->device, set->safety);
 	for (size_t i = 0; i < n_texts; i++)
 		plant(f, &n, texts[i]);
-	o.room_path = room;
-	o.scene_path = scene;
-	o.pictures = false;
-	o.faults = f;
-	o.n_faults = n;
+	struct bb_run_options o = still_options(room, f, n);
 	o.events = follow;
-	o.events_ctx = s;
 	o.progress = at_time;
-	o.progress_ctx = s;
+	o.events_ctx = o.progress_ctx = s;
 	o.stop = &s->stop;
 	s->start_ns = 350 * MS; /* bring-up of 0.1 s, then 0.25 s to settle */
-	if (bb_run(&o, &run, &err) != BB_OK)
-		fail_msg("%s", err.text);
+	still_run(o, &run);
 	const struct bb_run_result *r = run.result;
 	assert_true(llabs(llround(r->scene_start_s * 1e9) - s->start_ns) < 2);
 	for (size_t i = 0; i < r->n_incidents && s->n < BB_ARRAY_LEN(s->incident); i++)
 		s->incident[s->n++] = r->incidents[i];
 	s->set_ns = r->n_faults ? r->faults[0].set_ns : 0;
-	for (size_t i = 0; i < r->n_counters; i++) {
-		const struct bb_counter *c = &r->counters[i];
-		uint64_t *to = !strcmp(c->name, "shutters_opened") ? &s->opened : !strcmp(c->name, "eyes_swapped_back") ? &s->swapped_back :
-		               !strcmp(c->name, "gaps") ? &s->gaps : !strcmp(c->name, "gap_ms") ? &s->gap_ms :
-		               !strcmp(c->name, "frames") ? &s->frames : NULL;
-		if (to)
-			*to = c->value;
-	}
+	s->opened = counted(r, "shutters_opened");
+	s->swapped_back = counted(r, "eyes_swapped_back");
+	s->gaps = counted(r, "gaps");
+	s->gap_ms = counted(r, "gap_ms");
+	s->frames = counted(r, "frames");
 	s->flashes = bb_ledger_metric(r->ledger, BB_METRIC_FLASHES).max;
 	const struct bb_summary swaps = bb_ledger_metric(r->ledger, BB_METRIC_EYE_SWAPS);
 	s->swaps = swaps.mean * (double)swaps.n;
@@ -138,7 +126,6 @@ static void tell(struct story *s, const struct setting *set, const char *const *
 	s->opened_ns -= s->opened_ns == BB_NEVER ? 0 : s->start_ns;
 	s->closed_ns -= s->closed_ns == BB_NEVER ? 0 : s->start_ns;
 	bb_run_free(&run);
-	unlink(scene);
 	unlink(room);
 	snprintf(name, sizeof(name), "%s/profiles", dir);
 	unlink(name);

@@ -161,6 +161,8 @@ static void a_scene_is_foreseen(void **state)
 	assert_true(foreseen("patch: {hz: 2.9, size_m: 1}", 1) <= 3);
 	assert_true(foreseen("patch: {hz: 3, size_m: 1}", 1) > 3);
 	assert_true(foreseen("patch: {hz: 10, size_m: 1}", 1) > 6);
+	assert_true(foreseen("patch: {hz: 56.5, size_m: 1}", 1) > 3); /* four a second of it on a display of 60 Hz */
+	assert_true(foreseen("patch: {hz: 60, size_m: 1}", 1) > 3);
 	assert_true(foreseen("patch: {hz: 10, size_m: 1}", 0.09) <= 0);                                  /* dimmed */
 	assert_true(foreseen("patch: {hz: 10, size_m: 1, low_percent: 50, high_percent: 59}", 1) <= 0);  /* low contrast */
 	assert_true(foreseen("patch: {hz: 10, size_m: 0.08}", 1) <= 0);                                  /* small */
@@ -182,6 +184,12 @@ static void steps_are_foreseen(void **state)
 	scene->data.seconds_per_step = 0.1;
 	assert_int_equal(bb_light_foresee(room, scene, means, 2, 1, &worst), BB_OK);
 	assert_true(worst.flashes > 3);
+	float late[300][3] = { 0 }; /* a film that flickers at its end only, after 24 s */
+	for (int i = 240; i < 300; i += 2)
+		late[i][1] = 1;
+	scene->duration_s = 60;
+	assert_int_equal(bb_light_foresee(room, scene, late, 300, 1, &worst), BB_OK);
+	assert_true(worst.flashes > 3 && worst.at_ns > 24 * BB_NS_PER_S * 9 / 10);
 	bb_scene_free(scene);
 	bb_room_free(room);
 }

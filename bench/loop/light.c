@@ -5,13 +5,14 @@
 #include <string.h>
 
 #include "bench/loop/loop.h"
+#include "render/image_metrics.h"
 
 #define KNOTS 64
 #define WATCHDOG_NS INT64_C(100000000) /* a stage that hears nothing opens by itself (docs/shutter-od.md) */
 #define PATTERN_PX 1050                 /* of a wall, when its pattern is drawn to be measured */
 #define PIXEL_STRIDE 2                 /* of a drawn picture every so many pixels of a row and rows are looked at */
 #define FORESEE_S 20.0
-#define FORESEE_HZ 60
+#define FORESEE_HZ 240 /* both halves of the fastest patch: what a display samples of it moves no oftener */
 #define FASTER 1.01 /* so that no display whose clock runs fast flashes after all */
 
 struct gate { /* a stage's two shutters, or the glasses' two lenses */
@@ -47,14 +48,9 @@ struct bb_light {
 	int64_t edge_ns[3];       /* the glasses' last ones, newest first; 0: none */
 };
 
-double bb_light_linear(double c)
-{
-	return c <= 0.04045 ? c / 12.92 : pow((c + 0.055) / 1.055, 2.4);
-}
-
 static double linear(uint8_t v)
 {
-	return bb_light_linear(v / 255.0);
+	return bb_srgb_to_linear(v / 255.0);
 }
 
 static uint8_t encoded(double y)
@@ -82,7 +78,7 @@ static void brightest(const struct bb_transfer *tf, double rgb[3])
 	memset(rgb, 0, 3 * sizeof(rgb[0]));
 	for (size_t i = 0; i < tf->n; i++) {
 		const struct bb_transfer_point *p = &tf->point[i];
-		const float c[3] = { (float)bb_light_linear(p->r), (float)bb_light_linear(p->g), (float)bb_light_linear(p->b) };
+		const float c[3] = { (float)bb_srgb_to_linear(p->r), (float)bb_srgb_to_linear(p->g), (float)bb_srgb_to_linear(p->b) };
 		if (p->opacity <= 0 || bb_flash_luminance(c) <= most)
 			continue;
 		most = bb_flash_luminance(c);
@@ -200,7 +196,7 @@ void bb_light_fade(struct bb_image *image, double fade)
 
 /* ---- the patch ---- */
 
-double bb_patch_grey(const struct bb_scene *s, double t_s)
+static double grey_at(const struct bb_scene *s, double t_s)
 {
 	const bool high = fmod(floor(2 * s->patch.hz * t_s), 2) > 0;
 
@@ -220,7 +216,7 @@ static void patch_grid(const struct bb_scene *s, const struct bb_corners *wall, 
 {
 	const double width_m = bb_vec3_norm(bb_vec3_sub(wall->lower_right, wall->lower_left));
 	const double height_m = bb_vec3_norm(bb_vec3_sub(wall->upper_left, wall->lower_left));
-	const double grey = bb_patch_grey(s, t_s);
+	const double grey = grey_at(s, t_s);
 
 	out->generation++;
 	for (int i = 0; i < BB_FLASH_CELLS; i++) {
@@ -239,7 +235,7 @@ void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_
 	const double width_m = bb_vec3_norm(bb_vec3_sub(wall->lower_right, wall->lower_left));
 	const double height_m = bb_vec3_norm(bb_vec3_sub(wall->upper_left, wall->lower_left));
 	const double size = s->patch.size_m > 0 ? s->patch.size_m : fmax(width_m, height_m);
-	const uint8_t grey = encoded(bb_patch_grey(s, t_s));
+	const uint8_t grey = encoded(grey_at(s, t_s));
 	double uv[4];
 
 	if (!(s->patch.hz > 0))
@@ -256,7 +252,7 @@ void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_
 
 void bb_light_patch(struct bb_light *l, double t_s)
 {
-	const double grey = bb_patch_grey(l->c.scene, t_s);
+	const double grey = grey_at(l->c.scene, t_s);
 
 	if (l->c.drawn || !(l->c.scene->patch.hz > 0) || !(grey < l->grey || grey > l->grey))
 		return;
@@ -285,7 +281,8 @@ static const struct bb_wall *nearest_wall(const struct bb_room *room)
 enum bb_status bb_light_foresee(const struct bb_room *room, const struct bb_scene *scene, const float (*means)[3],
                                 uint32_t n_steps, double fade, struct bb_flash_worst *out)
 {
-	const int n_frames = (int)(FORESEE_HZ * fmin(scene->duration_s, FORESEE_S));
+	const double all_s = fmax(FORESEE_S, means ? 2 * n_steps * scene->data.seconds_per_step : 0); /* there and back */
+	const int64_t n_frames = (int64_t)(FORESEE_HZ * fmin(scene->duration_s, all_s));
 	struct bb_flash_grid g = { 0 }, under = { 0 };
 	struct bb_flash_meter *m;
 
@@ -294,8 +291,8 @@ enum bb_status bb_light_foresee(const struct bb_room *room, const struct bb_scen
 		return BB_OK;
 	const struct bb_corners *wall = &nearest_wall(room)->corners;
 	const enum bb_status status = bb_flash_create(wall, 1, room->neutral, &room->safety, &m);
-	for (int k = 0; k <= n_frames && status == BB_OK; k++) {
-		const double t_s = FASTER * k / FORESEE_HZ, at = means ? bb_loop_steps_at(scene, n_steps, t_s) : 0;
+	for (int64_t k = 0; k <= n_frames && status == BB_OK; k++) {
+		const double t_s = FASTER * (double)k / FORESEE_HZ, at = means ? bb_loop_steps_at(scene, n_steps, t_s) : 0;
 		const uint32_t step = (uint32_t)at, next = step + 1 < n_steps ? step + 1 : step;
 		double rgb[3];
 

@@ -46,12 +46,10 @@ const struct bb_flash_grid *bb_light_grid(const struct bb_light *l, unsigned wal
 /* Mean since the last frame of what an eye gets of white on a wall, 0..1: for tests. */
 double bb_light_seen(const struct bb_light *l, unsigned wall, unsigned eye);
 
-double bb_light_linear(double encoded); /* of sRGB, 0..1 */
 /* Scales pixels in linear light, as a fade does. */
 void bb_light_fade(struct bb_image *image, double fade);
 
-/* The patch of a scene at a time after its begin: its grey (linear), and its square on a picture, in pixels. */
-double bb_patch_grey(const struct bb_scene *s, double t_s);
+/* The patch of a scene at a time after its begin: its square on a picture, in pixels. */
 void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_t screen, double t_s,
                    struct bb_image *image);
 

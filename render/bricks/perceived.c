@@ -2,6 +2,8 @@
 
 #include <math.h>
 
+#include "render/image_metrics.h"
+
 /* Of the sRGB primaries; the rows' sums are the white point. */
 static const double to_xyz[3][3] = {
 	{ 0.4124564, 0.3575761, 0.1804375 },
@@ -12,8 +14,7 @@ static const double white[3] = { 0.4124564 + 0.3575761 + 0.1804375, 1.0000001, 0
 
 static double linear(double v)
 {
-	v = v > 0 ? (v < 1 ? v : 1) : 0;
-	return v <= 0.04045 ? v / 12.92 : pow((v + 0.055) / 1.055, 2.4);
+	return bb_srgb_to_linear(v > 0 ? (v < 1 ? v : 1) : 0);
 }
 
 static void xyz_of(const double rgb[3], double xyz[3])
