@@ -2,8 +2,13 @@
  * hal/camera.h: IR tracking cameras: frames of 2-D blobs with an exposure stamp.
  *
  * Camera space: x right, y down, z forward along the optical axis (pixels grow with x and y); the pose maps it to the
- * room. Distortion is radial Brown-Conrady on normalised coordinates: r_d = r (1 + k1 r^2 + k2 r^4).
- * Pixel (0,0) is the centre of the upper left pixel.
+ * room. Pixel (0,0) is the centre of the upper left pixel.
+ *
+ * Lenses, on x = X / Z, y = Y / Z and r^2 = x^2 + y^2:
+ *   Brown-Conrady (Brown 1966): f = 1 + k1 r^2 + k2 r^4 + k3 r^6,
+ *     x_d = x f + 2 p1 x y + p2 (r^2 + 2 x^2),  y_d = y f + p1 (r^2 + 2 y^2) + 2 p2 x y;
+ *   fisheye (Kannala and Brandt 2006, eq. 6 with odd powers): theta = atan(r),
+ *     theta_d = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4 theta^8), (x_d, y_d) = theta_d / r (x, y).
  */
 #ifndef BB_HAL_CAMERA_H
 #define BB_HAL_CAMERA_H
@@ -12,6 +17,7 @@
 #include "hal/device.h"
 #include "hal/geometry.h"
 
+enum bb_lens_kind { BB_LENS_BROWN, BB_LENS_FISHEYE };
 enum bb_camera_sync { BB_SYNC_FREE, BB_SYNC_SHUTTERS, BB_SYNC_DISPLAY };
 
 struct bb_camera_config {
@@ -20,7 +26,9 @@ struct bb_camera_config {
 	struct bb_pose pose;       /* camera space to room */
 	int64_t width_px, height_px;
 	double fov_deg;            /* horizontal, full angle */
-	double k1, k2;
+	enum bb_lens_kind lens;
+	double k1, k2, k3, k4;     /* k4: fisheye only */
+	double p1, p2;             /* Brown-Conrady only */
 	double fx_px, fy_px, cx_px, cy_px; /* derived from the above by the loader */
 	struct bb_rate rate;
 	enum bb_camera_sync sync;  /* where the exposures' rhythm comes from */
@@ -36,6 +44,7 @@ struct bb_camera_limits {
 	int64_t least_latency_ns;    /* mid-exposure to arrival, at least */
 	int64_t stamp_error_ns;      /* mid-exposure stamp, at most */
 	double blob_error_px;        /* sd of a blob's centre */
+	bool grey;                   /* it delivers pictures; whoever reads them looks for the blobs */
 };
 
 struct bb_blob {
@@ -50,6 +59,8 @@ struct bb_camera_frame {
 	bool overflow;                 /* more blobs than most_blobs, or than cap */
 	struct bb_blob *blobs;         /* the caller's, cap entries */
 	size_t cap, n;
+	uint8_t *grey;                 /* the caller's, width_px * height_px without gaps; NULL: no picture wanted */
+	bool has_grey;                 /* a picture was written there, and n is 0 */
 };
 
 struct bb_camera; /* opaque */
