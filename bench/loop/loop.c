@@ -9,6 +9,7 @@
 
 #include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
+#include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
 
 #define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
@@ -279,6 +280,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
 		status = create_tracker(l);
+	if (status == BB_OK && l->tracker)
+		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
@@ -313,6 +316,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->target);
 	}
 	bb_tracker_destroy(l->tracker);
+	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);

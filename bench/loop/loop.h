@@ -141,6 +141,7 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
+	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */

@@ -257,12 +257,11 @@ static void expose(struct sim_picture *p, const struct box *b, struct sim_rng *r
 void sim_picture_draw(struct sim_picture *p, const struct sim_light *lights, size_t n, double sun, struct sim_rng *rng,
                       uint8_t *grey)
 {
-	const double all_sun = p->sensor.sun_grey + sun;
 	struct box b = { 0 };
 
 	draw_dark(p, rng, grey);
-	if (all_sun > 0)
-		b = add_sun(p, all_sun);
+	if (sun > 0)
+		b = add_sun(p, sun);
 	for (size_t i = 0; i < n; i++)
 		add_light(p, &lights[i]);
 	expose(p, &b, rng, grey);

@@ -17,7 +17,7 @@ struct sim_sensor {
 	double read_noise;    /* sd, grey levels */
 	double full_well_e;   /* electrons at level 255 */
 	double black;         /* level of a dark pixel */
-	double sun_grey;      /* level above black in the middle of the patch; 0: none */
+	double sun_grey;      /* level above black in the middle of the patch, when nothing covers the lens */
 	double sun_x, sun_y;  /* its middle, share of width and height */
 	double sun_px;        /* its sd */
 };
@@ -27,6 +27,7 @@ struct sim_light {
 	double radius_px;     /* of the disc */
 	double grey;          /* level above black of a disc that is wider than the blur */
 	uint32_t hidden;      /* bit per point of sim_disc_point: something is before it */
+	bool ghost;           /* a mirror image: not looked at here */
 };
 /* Points spread evenly over the unit disc, 0 <= i < SIM_DISC_POINTS. */
 #define SIM_DISC_POINTS 24
@@ -36,7 +37,7 @@ struct sim_picture; /* scratch for one size */
 BB_MUST_CHECK enum bb_status sim_picture_create(const struct sim_sensor *sensor, int64_t width_px, int64_t height_px,
                                                 struct sim_picture **out);
 void sim_picture_destroy(struct sim_picture *p);
-/* A whole picture of width_px * height_px bytes without gaps. sun: levels above black to add to the sensor's own. */
+/* A whole picture of width_px * height_px bytes without gaps. sun: level of the patch at this moment. */
 void sim_picture_draw(struct sim_picture *p, const struct sim_light *lights, size_t n, double sun, struct sim_rng *rng,
                       uint8_t *grey);
 
