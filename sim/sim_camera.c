@@ -191,7 +191,7 @@ static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_r
                         size_t *n)
 {
 	const struct bb_pose pose = pose_now(c);
-	const double sd_px = (c->ideal ? 0 : c->base.config.noise_px) + (double)c->noise_npx * 1e-9;
+	const double sd_px = c->base.limits.blob_error_px + (double)c->noise_npx * 1e-9;
 	struct bb_vec3 marker[BB_BODIES_MAX * 6];
 	const size_t n_markers = sim_world_markers(c->world, mid_ns, marker, BB_ARRAY_LEN(marker));
 	const double size = c->lamp.marker_mm / (SIM_MARKER_DIAMETER_M * 1e3);
@@ -442,7 +442,7 @@ static const struct sim_option options[] = {
 };
 static const struct sim_sensor usual_sensor = { .psf_px = 0.8, .read_noise = 1, .full_well_e = 10000, .black = 4,
 	                                        .sun_x = 0.3, .sun_y = 0.3, .sun_px = 30 };
-static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .strobe_grey = 600 };
+static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .strobe_grey = 300 };
 
 static bool in(double value, double least, double most)
 {
@@ -465,6 +465,15 @@ static enum bb_status check_config(struct sim_camera *c)
 	return BB_OK;
 }
 
+/* What can be had from a picture: the Cramer-Rao bound of a Gaussian spot of 100 levels, whatever its width, in even noise
+ * of as much as in its middle. */
+static double picture_error_px(const struct sim_sensor *s)
+{
+	const double peak = 100, per_e = (255 - s->black) / s->full_well_e;
+
+	return 0.79788456080286536 * sqrt(s->read_noise * s->read_noise + 1.0 / 12 + peak * per_e) / peak;
+}
+
 static void set_limits(struct sim_camera *c)
 {
 	c->base.limits = (struct bb_camera_limits){
@@ -473,7 +482,7 @@ static void set_limits(struct sim_camera *c)
 		.most_blobs = SIM_CAMERA_BLOBS,
 		.least_latency_ns = c->exposure_ns - c->exposure_ns / 2 + c->readout_ns + c->transfer_ns,
 		.stamp_error_ns = c->ideal ? 0 : TICK_NS,
-		.blob_error_px = c->ideal ? 0 : c->base.config.noise_px,
+		.blob_error_px = c->picture ? picture_error_px(&c->sensor) : c->ideal ? 0 : c->base.config.noise_px,
 		.grey = c->picture != NULL,
 	};
 }
