@@ -184,6 +184,7 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 		                             .room_min = around(room->min, room->neutral, -1),
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
+	l->pose_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
 	return bb_tracker_create(&c, &l->tracker);
 }
 
@@ -193,7 +194,7 @@ static enum bb_status start_cameras(struct bb_frame_loop *l)
 		if (!l->rig->cameras[i])
 			continue;
 		bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
-		l->camera_slot[i] = bb_watch_slot(l->watch, "camera", l->room->cameras[i].id);
+		bb_cameras_begin(l, i);
 		const enum bb_status status = bb_camera_start(l->rig->cameras[i]);
 		if (status != BB_OK)
 			return status;
@@ -228,17 +229,7 @@ static bool take_memory(struct bb_frame_loop *l)
 
 	l->nodes = calloc(r->n_nodes, sizeof(*l->nodes));
 	l->camera_map = calloc(r->n_cameras + 1, sizeof(*l->camera_map));
-	l->camera_seq = calloc(r->n_cameras + 1, sizeof(*l->camera_seq));
-	l->camera_seen_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_seen_ns));
-	l->camera_blind = calloc(r->n_cameras + 1, sizeof(*l->camera_blind));
-	l->camera_same = calloc(r->n_cameras + 1, sizeof(*l->camera_same));
-	l->camera_astray = calloc(r->n_cameras + 1, sizeof(*l->camera_astray));
-	l->camera_sum = calloc(r->n_cameras + 1, sizeof(*l->camera_sum));
-	l->camera_phase_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_phase_ns));
-	l->camera_phased = calloc(r->n_cameras + 1, sizeof(*l->camera_phased));
-	l->camera_unused = calloc(r->n_cameras + 1, sizeof(*l->camera_unused));
-	l->camera_used = calloc(r->n_cameras + 1, sizeof(*l->camera_used));
-	l->camera_slot = calloc(r->n_cameras + 1, sizeof(*l->camera_slot));
+	l->cameras = calloc(r->n_cameras + 1, sizeof(*l->cameras));
 	l->gamepad_slot = calloc(r->n_gamepads + 1, sizeof(*l->gamepad_slot));
 	l->pads = calloc(r->n_gamepads + 1, sizeof(*l->pads));
 	l->node_slot = calloc(r->n_nodes + 1, sizeof(*l->node_slot));
@@ -247,7 +238,7 @@ static bool take_memory(struct bb_frame_loop *l)
 	l->reads = calloc(TRACK_READS_MAX, sizeof(*l->reads));
 	l->blobs = calloc(TRACK_READS_MAX, BB_CAMERA_BLOBS_MAX * sizeof(*l->blobs));
 	l->result->path = calloc(l->path_cap, sizeof(*l->result->path));
-	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_same && l->camera_astray && l->camera_sum && l->camera_phase_ns && l->camera_phased && l->camera_unused && l->camera_used && l->camera_slot &&
+	return l->nodes && l->camera_map && l->cameras &&
 	       l->gamepad_slot && l->pads && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
 	       l->result->path;
 }
@@ -318,17 +309,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_light_destroy(l->light);
 	free(l->nodes);
 	free(l->camera_map);
-	free(l->camera_seq);
-	free(l->camera_seen_ns);
-	free(l->camera_blind);
-	free(l->camera_same);
-	free(l->camera_astray);
-	free(l->camera_sum);
-	free(l->camera_phase_ns);
-	free(l->camera_phased);
-	free(l->camera_unused);
-	free(l->camera_used);
-	free(l->camera_slot);
+	free(l->cameras);
 	free(l->gamepad_slot);
 	free(l->pads);
 	free(l->node_slot);
@@ -416,7 +397,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK && l->world)
 		status = sim_faults_start(l->world);
 	for (size_t i = 0; i < l->room->n_cameras; i++)
-		l->camera_seen_ns[i] = l->scene_start_ns;
+		l->cameras[i].seen_ns = l->scene_start_ns;
+	bb_pose_begin(l);
 	start_counts(l);
 	bb_clock_run_until(l->clk, l->scene_start_ns);
 	bb_eyes_init(l);

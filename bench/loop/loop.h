@@ -6,6 +6,7 @@
  *   node.c    on scene state: select, stream, draw (or cost the drawing); arrive; on release: present.
  *   streaming.c  what every node asked of its disk and what that cost its frames.
  *   frames.c  what each frame did, closed into the ledger when its last flip is known.
+ *   tracking.c  camera frames -> tracker; cameras.c watches over every camera; pose.c makes its pose the pictures'.
  *   shutters.c, eyes of the room: edges -> phase, polarity.
  *   eyes.c    what the eyes are let see: shutters open or running, stereo or mono, faded; light.c how bright that is.
  *
@@ -30,7 +31,7 @@
 #include "sync/phase.h"
 #include "sync/polarity.h"
 #include "sync/sync_guard.h"
-#include "sync/track/tracker.h"
+#include "sync/track/steady.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
 #define BB_FRAMES_RING 8
@@ -47,7 +48,9 @@ struct bb_frame {
 	bool open;
 	int64_t start_ns, photon_ns;      /* begin at the head; the photon time the pose was predicted for */
 	int64_t mid_exposure_ns, readout_end_ns, arrived_ns, tracked_ns; /* of the newest camera frame used; 0: none */
-	struct bb_pose eyes;              /* predicted to photon_ns */
+	struct bb_pose eyes, unpredicted; /* for photon_ns; as the newest solution left them */
+	double pose_sigma_mm;
+	enum bb_steady_state pose_state;
 	unsigned track_flags;
 	uint32_t cameras;
 	double pose_error_mm;
@@ -79,6 +82,26 @@ struct bb_pad { /* one gamepad */
 	uint32_t stuck;                   /* bit i: axis i has been told of, */
 	size_t stuck_warning[BB_PAD_AXES]; /* by this */
 	bool drift_told, battery_told;
+};
+
+enum bb_camera_trouble {
+	BB_CAMERA_FRAMES,  /* lost, or gone with it */
+	BB_CAMERA_SIGHT, BB_CAMERA_FLOOD, BB_CAMERA_PLACE, BB_CAMERA_TRIGGER,
+	BB_CAMERA_TROUBLES
+};
+
+struct bb_camera_watch { /* cameras.c: one camera */
+	size_t slot[BB_CAMERA_TROUBLES];  /* all "camera/<id>" */
+	unsigned good[BB_CAMERA_TROUBLES]; /* frames in a row without it */
+	uint32_t seq;
+	int64_t seen_ns;                  /* arrival of the newest frame */
+	uint64_t failures;                /* of the device, seen so far */
+	double lost_share;                /* of the last frames */
+	uint32_t blind, same, unused, astray; /* frames in a row: no blobs though expected; the very same ones; none that the
+	                                         tracker could use; away from their place in the sync */
+	uint64_t sum, used;
+	double phase_ns;                  /* that place */
+	bool phased;
 };
 
 struct bb_eyes { /* eyes.c */
@@ -141,6 +164,9 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
+	struct bb_steady steady;
+	size_t pose_slot;                 /* "tracker/<body>" */
+	int64_t pose_ns;                  /* of the newest solution */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
@@ -185,21 +211,13 @@ struct bb_frame_loop {
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
-	uint32_t *camera_seq;
+	struct bb_camera_watch *cameras;  /* by camera */
 	int64_t due_ns;                   /* when the next frame was to begin */
 	int64_t turn_ns;                  /* when the devices were read last */
 	int64_t wall_ahead_ns;            /* of this process's time, once */
 	bool wall_known;
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
-	int64_t *camera_seen_ns;          /* arrival of the newest frame */
-	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
-	uint32_t *camera_same;            /* frames in a row with the very same blobs */
-	uint32_t *camera_astray;          /* frames in a row away from their place in the sync */
-	uint32_t *camera_unused;          /* frames in a row whose blobs the tracker could not use */
-	uint64_t *camera_sum, *camera_used;
-	double *camera_phase_ns;          /* that place */
-	bool *camera_phased;
-	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
+	size_t *gamepad_slot, *node_slot, *display_slot;
 	struct bb_pad *pads;              /* by gamepad */
 	int64_t pad_read_ns;
 	size_t shutter_slot, polarity_slot, rhythm_slot; /* all "shutter/<chain>": each can fail on its own */
@@ -277,6 +295,9 @@ void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
 int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_pose_begin(struct bb_frame_loop *l);
+void bb_pose_note(struct bb_frame_loop *l, const struct bb_track_solution *s);
+void bb_pose_predict(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
 void bb_frames_close(struct bb_frame_loop *l, uint64_t before);
 
