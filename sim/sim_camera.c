@@ -8,6 +8,7 @@
 #include <string.h>
 
 #define QUEUE 16
+#define STALLS_MOST 4 /* a halt cleared and three resets */
 #define OWN_RATE_PPM 50.0     /* crystals */
 #define DEVICE_CLOCK_PPM 30.0
 #define TICK_NS 1000
@@ -16,7 +17,7 @@
 struct queued {
 	uint32_t seq;
 	int64_t mid_dev_ns, arrived_ns;
-	bool overflow;
+	bool overflow, stalled;
 	size_t n;
 	struct bb_blob blob[SIM_CAMERA_BLOBS];
 };
@@ -36,7 +37,8 @@ struct sim_camera {
 	struct bb_unwrap32 unwrap;
 	int64_t last_arrived_ns;
 	struct bb_vec3 bump_axis;
-	int64_t lost, covered, freerun, frozen, drop_ppm, noise_npx, bump_ndeg, flood; /* sums over faults */
+	int64_t lost, covered, freerun, frozen, stalled, drop_ppm, noise_npx, bump_ndeg, flood; /* sums over faults */
+	unsigned stalls;         /* in a row */
 	size_t n_still;          /* the picture that stands still */
 	struct bb_blob still[SIM_CAMERA_BLOBS];
 	struct queued *queue;
@@ -263,7 +265,7 @@ static void expose(struct sim_camera *c, int64_t mid_ns)
 	if (drop)
 		return;
 	struct queued *q = next_slot(c);
-	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns };
+	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns, .stalled = c->stalled > 0 };
 	q->arrived_ns = arrived_ns > c->last_arrived_ns ? arrived_ns : c->last_arrived_ns + 1;
 	c->last_arrived_ns = q->arrived_ns;
 	look(c, mid_ns, &r, q);
@@ -403,12 +405,18 @@ static enum bb_status gone(struct sim_camera *c, const char *op)
 	return bb_device_fail(&c->base.dev, BB_ERR_LOST, op, "no answer on the bus");
 }
 
+static enum bb_status quarantined(struct sim_camera *c)
+{
+	return bb_device_fail(&c->base.dev, BB_ERR_LOST, "read", "QUARANTINED: too many resets; stop and start it");
+}
+
 static enum bb_status camera_start(struct bb_camera *cam)
 {
 	struct sim_camera *c = own(cam);
 
 	if (c->lost)
 		return gone(c, "start");
+	c->stalls = 0;
 	if (c->running)
 		return BB_OK;
 	c->running = true;
@@ -427,15 +435,37 @@ static enum bb_status camera_stop(struct bb_camera *cam)
 	return BB_OK;
 }
 
+static struct queued *arrived(struct sim_camera *c)
+{
+	struct queued *q = &c->queue[c->head];
+
+	return c->n_queued && q->arrived_ns <= bb_clock_now_ns(c->base.dev.clk) ? q : NULL;
+}
+
+/* As drivers/camera_usb.c treats it (row K8): what came of a frame is thrown away, the endpoint cleared and, three times,
+ * the device reset; then it is left alone until somebody starts it by hand. */
+static void throw_stalled(struct sim_camera *c)
+{
+	for (struct queued *q; c->stalls <= STALLS_MOST && (q = arrived(c)) && q->stalled; c->n_queued--) {
+		(void)bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "USB_ERR: stalled, frame %u is lost", q->seq);
+		c->head = (c->head + 1) % QUEUE;
+		c->stalls++;
+	}
+}
+
 static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame *frame)
 {
 	struct sim_camera *c = own(cam);
-	const struct queued *q = &c->queue[c->head];
 
 	if (c->lost)
 		return gone(c, "read");
-	if (!c->n_queued || q->arrived_ns > bb_clock_now_ns(cam->dev.clk))
+	throw_stalled(c);
+	if (c->stalls > STALLS_MOST)
+		return quarantined(c);
+	const struct queued *q = arrived(c);
+	if (!q)
 		return BB_TIMEOUT;
+	c->stalls = 0;
 	frame->seq = q->seq;
 	frame->mid_exposure = (struct bb_dev_ns){ q->mid_dev_ns };
 	frame->arrived_ns = q->arrived_ns;
@@ -520,7 +550,7 @@ static enum bb_status verb_flood(void *device, const struct sim_fault_args *args
 {
 	struct sim_camera *c = device;
 
-	return amount(c, args, "n", 1000, 1, c ? &c->flood : NULL, on, err);
+	return amount(c, args, "n", 10000, 1, c ? &c->flood : NULL, on, err);
 }
 
 static enum bb_status verb_unplug(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
@@ -548,6 +578,17 @@ static enum bb_status verb_freerun(void *device, const struct sim_fault_args *ar
 	return BB_OK;
 }
 
+static enum bb_status verb_stall(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (c)
+		c->stalled += on ? 1 : -1;
+	return BB_OK;
+}
+
 static enum bb_status verb_freeze(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_camera *c = device;
@@ -569,5 +610,6 @@ const struct sim_verb sim_camera_verbs[] = {
 	{ "unplug", "", "it is gone from the bus", "", verb_unplug },
 	{ "freerun", "", "its sync cable is out: it exposes by its own clock", "", verb_freerun },
 	{ "freeze", "", "the picture stands still while frames keep coming", "", verb_freeze },
+	{ "stall", "", "its transfers stall: what comes of a frame is thrown away; five in a row and it is left alone", "", verb_stall },
 	{ NULL, NULL, NULL, NULL, NULL },
 };

@@ -20,6 +20,7 @@
 #define TRIGGER_NEAR_NS 100000
 #define TRIGGER_FRAMES 10
 #define GOOD_FRAMES 3
+#define SILENT_PERIODS 5   /* K7: within 100 ms at 60 Hz */
 #define SHARE_FRAMES 128   /* the share of lost frames looks about so far back */
 
 /* Over once so many frames in a row did not show it (and the watch's own time has passed). */
@@ -189,7 +190,7 @@ void bb_cameras_after(struct bb_frame_loop *l, size_t cam, enum bb_status status
 	if (status < 0)
 		TROUBLE(l, cam, BB_CAMERA_FRAMES, now_ns, BB_HEALTH_LOST, "%s%s", named ? "" : "CAM_GONE: ",
 		        named ? detail : bb_status_text(status));
-	else if (!l->was_away && silent_ns > 2 * period_ns + 2 * bb_camera_limits(c)->least_latency_ns)
+	else if (!l->was_away && silent_ns > SILENT_PERIODS * period_ns + bb_camera_limits(c)->least_latency_ns)
 		TROUBLE(l, cam, BB_CAMERA_FRAMES, now_ns, BB_HEALTH_LOST, "CAM_GONE: no frame for %.0f ms", (double)silent_ns * 1e-6);
 }
 

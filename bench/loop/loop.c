@@ -173,14 +173,19 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
 	double sigma_px = 0.02;
+	int64_t period_ns = BB_NS_PER_S;
 
 	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
 		return BB_OK;
-	for (size_t i = 0; i < room->n_cameras; i++)
+	for (size_t i = 0; i < room->n_cameras; i++) {
 		sigma_px = fmax(sigma_px, bb_camera_limits(l->rig->cameras[i])->blob_error_px);
+		if (bb_rate_period_ns(room->cameras[i].rate) < period_ns)
+			period_ns = bb_rate_period_ns(room->cameras[i].rate);
+	}
+	/* Also a camera that lost its trigger (row K10) joins what the others saw in its period: alone it has no depth. */
 	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
 		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
-		                             .blob_sigma_px = sigma_px, .group_ns = 500000, .freeze_ns = 100000000,
+		                             .blob_sigma_px = sigma_px, .group_ns = period_ns * 3 / 4, .freeze_ns = 100000000,
 		                             .room_min = around(room->min, room->neutral, -1),
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
