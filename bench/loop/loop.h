@@ -47,8 +47,10 @@ struct bb_frame {
 	uint64_t frame;
 	bool open;
 	int64_t start_ns, photon_ns;      /* begin at the head; the photon time the pose was predicted for */
-	int64_t mid_exposure_ns, readout_end_ns, arrived_ns, tracked_ns; /* of the newest camera frame used; 0: none */
+	int64_t mid_exposure_ns, exposed_ns, readout_end_ns, arrived_ns; /* of the newest camera frame used; 0: none */
+	int64_t read_ns, solved_ns, tracked_ns; /* the cameras are read; their blobs solved; the state goes out */
 	struct bb_pose eyes, unpredicted; /* for photon_ns; as the newest solution left them */
+	int64_t solved_at_ns;             /* mid-exposure of that solution */
 	double pose_sigma_mm;
 	enum bb_steady_state pose_state;
 	unsigned track_flags;

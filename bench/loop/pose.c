@@ -66,6 +66,7 @@ void bb_pose_predict(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns
 	f->eyes = steady.eyes;
 	f->unpredicted = bb_tracker_pose(l->tracker, 0, pose.solved_ns).eyes;
 	f->pose_sigma_mm = steady.position_sigma_mm;
+	f->solved_at_ns = pose.solved_ns;
 	f->track_flags = pose.flags;
 	f->pose_state = steady.state;
 	const bool tracked = steady.state == BB_STEADY_FOLLOW || steady.state == BB_STEADY_BLEND;

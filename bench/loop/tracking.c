@@ -73,6 +73,7 @@ static void note_newest(struct bb_frame_loop *l, struct bb_frame *f, const struc
 	const struct bb_camera_config *c = &l->room->cameras[r->camera];
 
 	f->mid_exposure_ns = r->mid_ns;
+	f->exposed_ns = r->mid_ns + (int64_t)(c->exposure_us / 2 * 1e3);
 	f->readout_end_ns = r->mid_ns + (int64_t)((c->exposure_us / 2 + c->readout_us) * 1e3);
 	f->arrived_ns = r->arrived_ns;
 }
@@ -86,6 +87,7 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		return;
 	for (size_t i = 0; i < l->room->n_cameras; i++)
 		read_camera(l, i, &n_reads, now_ns);
+	f->read_ns = bb_clock_now_ns(l->clk);
 	qsort(l->reads, n_reads, sizeof(*l->reads), by_time);
 	for (size_t i = 0; i < n_reads; i++) {
 		bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
@@ -102,6 +104,7 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	}
 	for (size_t i = 0; i < n_reads; i++)
 		bb_cameras_look(l, &l->reads[i], now_ns);
+	f->solved_ns = bb_clock_now_ns(l->clk);
 	bb_result_count(l->result, "poses_solved", n);
 	bb_result_count(l->result, "camera_frames", n_reads);
 	if (n_reads)
