@@ -67,7 +67,7 @@ struct bb_frame_row { /* a line of frames.csv; NAN is written as NA */
 	unsigned flags;           /* enum bb_frame_flags */
 	double unpredicted_mm, photon_error_deg, unpredicted_deg; /* of the eyes at the photon; unpredicted: the newest
 	                                                             solution's pose as it stands */
-	double horizon_ms, pose_sigma_mm; /* predicted so far; of the pose the pictures used */
+	double horizon_ms, pose_sigma_mm, solved_sigma_mm; /* predicted so far; of the pose the pictures used; of the solution */
 	bool chained;             /* the links below add up to head_to_photon_ms */
 	int32_t link_ns[BB_LINKS]; /* bench/latency.h */
 };

@@ -224,7 +224,7 @@ static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 		                    .scanout_skew_us = (double)NAN, .phase_us = (double)NAN, .pose_age_ms = (double)NAN,
 		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = (double)NAN, .unpredicted_mm = (double)NAN,
 		                    .photon_error_deg = (double)NAN, .unpredicted_deg = (double)NAN, .horizon_ms = (double)NAN,
-		                    .pose_sigma_mm = (double)NAN, .cameras = f->cameras,
+		                    .pose_sigma_mm = (double)NAN, .solved_sigma_mm = f->solved_sigma_mm, .cameras = f->cameras,
 		                    .bricks_wanted = f->bricks_wanted, .bricks_missing = f->bricks_missing,
 		                    .bricks_loaded = f->bricks_loaded, .late_node = UINT32_MAX, .bytes = f->bytes,
 		                    .deficit = f->deficit, .upload_ms = l->bricks ? (double)f->load_ns * 1e-6 : (double)NAN };

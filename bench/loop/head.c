@@ -51,7 +51,7 @@ static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 	f->frame = l->n_frames++;
 	f->open = true;
 	f->start_ns = now_ns;
-	f->pose_error_mm = (double)NAN;
+	f->pose_error_mm = f->solved_sigma_mm = (double)NAN;
 	f->last_node = BB_NOBODY;
 	for (size_t s = 0; s < l->room->n_screens; s++)
 		l->flipped[s] &= ~(UINT64_C(1) << f->frame % 64);

@@ -51,7 +51,7 @@ struct bb_frame {
 	int64_t read_ns, solved_ns, tracked_ns; /* the cameras are read; their blobs solved; the state goes out */
 	struct bb_pose eyes, unpredicted; /* for photon_ns; as the newest solution left them */
 	int64_t solved_at_ns;             /* mid-exposure of that solution */
-	double pose_sigma_mm;
+	double pose_sigma_mm, solved_sigma_mm;
 	enum bb_steady_state pose_state;
 	unsigned track_flags;
 	uint32_t cameras;

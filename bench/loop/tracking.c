@@ -101,6 +101,7 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		bb_pose_note(l, &solutions[i]);
 		judge_solution(l, f, &solutions[i]);
 		f->cameras = solutions[i].n_cameras;
+		f->solved_sigma_mm = solutions[i].position_sigma_mm;
 	}
 	for (size_t i = 0; i < n_reads; i++)
 		bb_cameras_look(l, &l->reads[i], now_ns);

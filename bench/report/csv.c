@@ -58,6 +58,7 @@ static void put_row(FILE *f, const struct bb_run_result *r, const struct bb_fram
 	put_number(f, row->unpredicted_mm);
 	put_number(f, row->unpredicted_deg);
 	put_number(f, row->pose_sigma_mm);
+	put_number(f, row->solved_sigma_mm);
 	for (int i = 0; i < BB_LINK_COUNT; i++)
 		if (row->chained)
 			fprintf(f, ",%.3f", row->link_ns[i] * 1e-3);
@@ -79,7 +80,7 @@ enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *pa
 	      "pose_age_ms,pose_error_mm,photon_error_mm,cameras_count,bricks_wanted_count,bricks_missing_count,"
 	      "bricks_loaded_count,streamed_bytes,late_node,flags,"
 	      "level_deficit_cells,brick_load_ms,"
-	      "photon_error_deg,unpredicted_error_mm,unpredicted_error_deg,pose_sigma_mm",
+	      "photon_error_deg,unpredicted_error_mm,unpredicted_error_deg,pose_sigma_mm,solved_sigma_mm",
 	      f.out);
 	for (int i = 0; i < BB_LINK_COUNT; i++)
 		fprintf(f.out, ",link_%s_us", bb_latency_name((enum bb_link_id)i));
