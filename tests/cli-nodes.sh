@@ -126,6 +126,23 @@ check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r[
 check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
 wait
 
+# The head is killed: who joined by hand holds its pictures, fades them, and only then ends
+$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 20 --out "$work/orphan" >/dev/null 2>"$work/err" &
+pid=$!
+for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.1; address=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/err"); [ -n "$address" ] && break; done
+"$program" node $room $pattern --nodes 2 --join "$address" --token-file "$work/token" --duration 20 2>"$work/orphaned" >/dev/null &
+two=$!
+for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do sleep 0.1; grep -q 'the scene begins' "$work/err" && break; done
+sleep 1
+kill -9 $pid
+killed=$(date +%s%N)
+wait $two
+status=$?
+check "the head is killed: a node by hand ends by BB1674" [ "$status" = 4 ]
+check "the head is killed: it said so, and faded first" [ "$(grep -c MASTER_LOST "$work/orphaned")" -ge 1 ] &&
+	check "the head is killed: not before its walls were dark" [ $(($(date +%s%N) - killed)) -gt 1400000000 ]
+wait
+
 # Barriers of real processes: every way works under every load, the peer that is not built says so
 "$program" bench barrier --real --processes 3 --seconds 0.02 --json >"$work/barrier.json" 2>"$work/err"
 check "bench barrier: every way came round" [ "$(field "$work/barrier.json" "all(x.get('rounds', 0) > 0 for x in r['real']['rows'] if x['barrier'] != 'mpi')")" = True ]

@@ -204,6 +204,15 @@ enum bb_status bb_remote_start(struct bb_frame_loop *l)
 	return bb_clock_arm(l->clk, &l->look_after, l->scene_start_ns);
 }
 
+void bb_remote_end(struct bb_frame_loop *l)
+{
+	const struct bb_message m = { .kind = BB_MESSAGE_OVER };
+
+	for (unsigned i = 0; l->processes && i < l->room->n_nodes; i++)
+		if (!bb_remote_plays(l, i))
+			bb_loop_say(l, bb_loop_head(l), i, &m);
+}
+
 static void hear_ready(struct bb_frame_loop *l, const struct told_message *m)
 {
 	l->ready_processes |= UINT64_C(1) << process_of(l, m->node);
@@ -309,8 +318,10 @@ static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t 
 	const struct link_peer head = link_peer(l->rig->link, 0);
 
 	(void)scheduled_ns;
-	if (head.state != LINK_PEER_JOINED || now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS) ||
-	    bb_loop_interrupted(l))
+	const bool gone = head.state != LINK_PEER_JOINED ||
+	                  now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS);
+	/* A head that died has its walls faded before the process goes: row N8. */
+	if (bb_loop_interrupted(l) || head.left || (gone && bb_orphans_rest(l)))
 		bb_clock_stop(l->clk);
 	return now_ns + BB_NS_PER_S / 20;
 }
