@@ -17,6 +17,7 @@ static const struct bb_cli_option options[] = {
 	{ "duration", "S", "as the head's" },
 	{ "memory-mib", "N", "as the head's" },
 	{ "stream-bricks", "N", "as the head's" },
+	{ "plant-crystal-ppm", "N", "its clock runs that much too fast, to see it follow the head's (0)" },
 	{ NULL, NULL, NULL },
 };
 
@@ -42,6 +43,8 @@ static enum bb_status read_options(const struct bb_cli *cli, struct bb_run_optio
 		status = bb_cli_number(cli, "memory-mib", -1, 0, 65536, &o->memory_mib, err);
 	if (status == BB_OK)
 		status = bb_cli_whole(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "plant-crystal-ppm", 0, -500, 500, &o->plant_crystal_ppm, err);
 	o->seed = (uint64_t)seed;
 	o->stream_bricks = (int64_t)bricks;
 	o->gl = bb_cli_get(cli, "gl", "auto");

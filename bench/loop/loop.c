@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/loop/follow.h"
 #include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
 #include "bench/loop/tracking.h"
@@ -287,6 +288,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
+		status = bb_follow_create(l, &l->follow);
+	if (status == BB_OK)
 		status = create_tracker(l);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
@@ -308,6 +311,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->beat);
 	bb_clock_disarm(l->clk, &l->look_after);
 	bb_lock_destroy(l);
+	bb_follow_destroy(l->follow);
 	bb_clock_disarm(l->clk, &l->eyes.watch);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];

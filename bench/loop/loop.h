@@ -69,6 +69,7 @@ struct bb_frame {
 
 struct bb_frame_loop;
 struct bb_loop_lock;
+struct bb_follow;
 struct bb_nodes;
 
 struct bb_pad { /* one gamepad */
@@ -197,6 +198,7 @@ struct bb_frame_loop {
 	struct bb_node_machine *nodes;    /* by room node */
 
 	struct bb_nodes *processes;       /* NULL: all nodes are played in this process */
+	struct bb_follow *follow;         /* bench/loop/follow.h; NULL: one process */
 	uint64_t ready_processes;         /* bits */
 	size_t gone_slot[BB_NODES_MAX];   /* "node/<id>" once more: late is one thing, dead another */
 	struct bb_timer beat, look_after; /* bench/loop/remote.c */

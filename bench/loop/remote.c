@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/loop/follow.h"
 #include "bench/stats.h"
 
 #define READY_WITHIN_NS (120 * BB_NS_PER_S)
@@ -121,6 +122,7 @@ void bb_remote_tell(struct bb_frame_loop *l)
 		return;
 	bb_result_fact(l->result, "processes", "%u over %.*s", bb_nodes_count(l->processes),
 	               (int)strcspn(link_address(l->rig->link), ":"), link_address(l->rig->link));
+	bb_follow_tell(l->follow, l->result);
 	tell_late(l, "wake_late_head_us", true);
 	tell_late(l, "wake_late_nodes_us", false);
 	tell_floor(l, "timer_floor_busy_us", FLOOR_WAKES_BUSY); /* the others still run */
@@ -344,6 +346,8 @@ enum bb_status bb_remote_serve(struct bb_frame_loop *l, struct bb_error *err)
 	}
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->look_after, bb_clock_now_ns(l->clk));
+	if (status == BB_OK)
+		status = bb_follow_begin(l->follow);
 	if (status != BB_OK)
 		return bb_fail(err, status, 1503, NULL, "starting the nodes: %s", bb_status_text(status));
 	bb_clock_run_until(l->clk, BB_NEVER - BB_NS_PER_S);
@@ -361,6 +365,8 @@ bool bb_remote_hear(struct bb_frame_loop *l, const struct bb_link_message *packe
 	struct told_message m;
 	struct bb_message state;
 
+	if (bb_follow_hear(l->follow, packet, now_ns))
+		return true;
 	if (packet->n_bytes == sizeof(state) && !head) {
 		memcpy(&state, packet->bytes, sizeof(state));
 		if (state.kind == BB_MESSAGE_STATE)
