@@ -332,6 +332,21 @@ static void k8_usb_errors(void **state)
 	row("K8", "room: five stall in a row", &s, "QUARANTINED", SHOT + LATENCY + LOOKS, 1000 * MS, BB_NEVER, 3);
 }
 
+static void k9_bumped(void **state)
+{
+	struct story s;
+	double px = 0, usual_px = 0;
+
+	(void)state;
+	TELL(&s, 3, "at 2s camera/c2 bump deg=0.1 for 3s"); /* 0.7 px: put back, it is believed when it fits for as long */
+	row("K9", "room: a camera knocked by 0.1 deg, put back", &s, "CALIB_DRIFT", 2000 * MS, 3000 * MS, 3000 * MS, 3);
+	TELL(&s, 6, "at 2s camera/c2 bump deg=1");
+	row("K9", "room: a camera knocked by 1 deg", &s, "CALIB_DRIFT", 2000 * MS, 6000 * MS, BB_NEVER, 3);
+	assert_int_equal(sscanf(named(&s, "CALIB_DRIFT")->what, "CALIB_DRIFT %lf px, usually %lf", &px, &usual_px), 2);
+	assert_true(px > 2 * usual_px && px < 15);
+	assert_int_equal(s.n, 1); /* nobody else is accused */
+}
+
 static void k10_trigger_lost(void **state)
 {
 	struct story s;
@@ -352,7 +367,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(all_is_well_without), cmocka_unit_test(k1_frames_lost), cmocka_unit_test(k2_counters_wrap),
 		cmocka_unit_test(k3_one_camera_blind), cmocka_unit_test(k4_pose_lost), cmocka_unit_test(k6_blob_flood),
-		cmocka_unit_test(k7_unplugged), cmocka_unit_test(k8_usb_errors), cmocka_unit_test(k10_trigger_lost),
+		cmocka_unit_test(k7_unplugged), cmocka_unit_test(k8_usb_errors), cmocka_unit_test(k9_bumped), cmocka_unit_test(k10_trigger_lost),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,6 +5,7 @@
 #include "bench/loop/loop.h"
 
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "bench/loop/tracking.h"
@@ -16,6 +17,7 @@
 #define BLOBS_PLAUSIBLE 48 /* K6, */
 #define QUIET_FRAMES 30
 #define UNUSED_FRAMES 24   /* with four or more blobs that could be a body */
+#define DRIFT_NEAR_NS 4000000
 #define TRIGGER_SKEW_NS 500000 /* K10, */
 #define TRIGGER_NEAR_NS 100000
 #define TRIGGER_FRAMES 10
@@ -102,22 +104,39 @@ static void watch_flood(struct bb_frame_loop *l, const struct camera_read *r, in
 		fine(l, r->camera, BB_CAMERA_FLOOD, QUIET_FRAMES, now_ns);
 }
 
-/* K9 at its worst: what it sees fits nothing. */
+/* K9: knocked, by the distances of its blobs from where a tracked body's markers should be; or so far that they fit nothing.
+ * Its frames are kept from the tracker until they fit again. */
 static void watch_place(struct bb_frame_loop *l, const struct camera_read *r, int64_t now_ns)
 {
 	struct bb_camera_watch *w = &l->cameras[r->camera];
+	const struct bb_track_pose pose = bb_tracker_pose(l->tracker, 0, r->mid_ns);
 	const uint64_t used = bb_tracker_camera(l->tracker, r->camera).used;
 
+	if (pose.flags & BB_TRACK_FRESH && llabs(r->mid_ns - pose.solved_ns) < DRIFT_NEAR_NS) /* that was no prediction */
+		bb_drift_frame(l->drift, r->camera, r->mid_ns, &pose.body, &l->room->bodies[0], r->blobs, r->n);
+	struct bb_drift_state d = bb_drift_state(l->drift, r->camera);
+	if (d.drifted && d.settled) {
+		bb_drift_forgive(l->drift, r->camera);
+		d.drifted = false;
+		w->drift_px = 0;
+		w->unused = 0;
+	}
 	if (used != w->used)
 		w->unused = 0;
 	else if (r->n >= 4)
 		w->unused++;
 	w->used = used;
-	if (w->unused >= UNUSED_FRAMES)
-		TROUBLE(l, r->camera, BB_CAMERA_PLACE, now_ns, BB_HEALTH_DEGRADED,
-		        "CALIB_DRIFT: its blobs fit no body in %u frames (bumped, noisy?)", w->unused);
-	else
+	if (!d.drifted && w->unused < UNUSED_FRAMES) {
 		fine(l, r->camera, BB_CAMERA_PLACE, GOOD_FRAMES, now_ns);
+		return;
+	}
+	TROUBLE(l, r->camera, BB_CAMERA_PLACE, now_ns, BB_HEALTH_DEGRADED,
+	        "CALIB_DRIFT: its blobs fit no body in %u frames (bumped, noisy?)", w->unused);
+	if (!d.drifted || !(d.rms_px > w->drift_px))
+		return;
+	w->drift_px = d.rms_px;
+	bb_watch_say(l->watch, w->slot[BB_CAMERA_PLACE], "CALIB_DRIFT", "CALIB_DRIFT %.2f px, usually %.2f: bumped? Its weight is 0",
+	             d.rms_px, d.baseline_px);
 }
 
 /* K10: cameras that share a trigger keep their place in the chain's period; one that drifts from where it began has lost

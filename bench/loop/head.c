@@ -166,6 +166,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	struct bb_message m = { .kind = BB_MESSAGE_STATE,
 		                      .frame = f->frame,
 		                      .photon_ns = f->photon_ns,
+		                      .silence_ns = bb_loop_silence_ns(l),
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
 		                      .scene_s = l->scene_s,

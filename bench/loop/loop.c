@@ -7,11 +7,14 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/loop/follow.h"
 #include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
 #include "bench/loop/tracking.h"
 
-#define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
+#define DRIFT_HOLD_NS INT64_C(1600000000) /* row K9: named within 2 s, the quarter of a second it looks over included */
+#define BARRIER_HALVES 5     /* of a period: time-out of the swap barrier (row N1: silent after 3 T) */
+#define SILENCE_PERIODS 3    /* row N8: and then the head is */
 #define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
 #define BARRIER_LEAST_NS (BB_NS_PER_S / 20)    /* processes: the scheduler alone may keep one for so long */
@@ -25,10 +28,17 @@ bool bb_loop_interrupted(const struct bb_frame_loop *l)
 int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l)
 {
 	if (l->processes && l->usual_ns) {
-		const int64_t usual_ns = BARRIER_PERIODS * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns);
+		const int64_t usual_ns = BARRIER_HALVES * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns) / 2;
 		return usual_ns > BARRIER_LEAST_NS ? usual_ns : BARRIER_LEAST_NS;
 	}
-	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns;
+	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_HALVES * l->frame_ns / 2;
+}
+
+int64_t bb_loop_silence_ns(const struct bb_frame_loop *l)
+{
+	const int64_t most_ns = bb_loop_barrier_timeout_ns(l) + l->frame_ns / 2, usual_ns = SILENCE_PERIODS * l->frame_ns;
+
+	return most_ns > usual_ns ? most_ns : usual_ns;
 }
 
 unsigned bb_loop_head(const struct bb_frame_loop *l)
@@ -138,6 +148,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->index = index;
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
 	n->quality = 1;
+	bb_orphan_init(n);
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
 	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
@@ -190,7 +201,10 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
 	l->pose_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
-	return bb_tracker_create(&c, &l->tracker);
+	const struct bb_drift_config drift = { .cameras = room->cameras, .n_cameras = room->n_cameras, .noise_px = sigma_px,
+		                               .hold_ns = DRIFT_HOLD_NS };
+	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 
 static enum bb_status start_cameras(struct bb_frame_loop *l)
@@ -274,6 +288,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
+		status = bb_follow_create(l, &l->follow);
+	if (status == BB_OK)
 		status = create_tracker(l);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
@@ -295,12 +311,14 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->beat);
 	bb_clock_disarm(l->clk, &l->look_after);
 	bb_lock_destroy(l);
+	bb_follow_destroy(l->follow);
 	bb_clock_disarm(l->clk, &l->eyes.watch);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
 		bb_clock_disarm(l->clk, &n->ready);
 		bb_clock_disarm(l->clk, &n->hold);
+		bb_clock_disarm(l->clk, &n->orphan.watch);
 		bb_stream_io_stop(n->io);
 		bb_stream_disk_stop(n->disk);
 		bb_stream_destroy(n->stream);
@@ -309,6 +327,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->target);
 	}
 	bb_tracker_destroy(l->tracker);
+	bb_drift_destroy(l->drift);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);
@@ -415,6 +434,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
+	bb_remote_end(l);
 	l->result->truncated = bb_loop_interrupted(l);
 	bb_lock_prove(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */

@@ -90,7 +90,8 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	f->read_ns = bb_clock_now_ns(l->clk);
 	qsort(l->reads, n_reads, sizeof(*l->reads), by_time);
 	for (size_t i = 0; i < n_reads; i++) {
-		bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
+		if (bb_drift_weight(l->drift, l->reads[i].camera) > 0) /* a knocked one would pull at the others */
+			bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
 		if (l->reads[i].camera == 0)
 			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0, 0);
 	}
