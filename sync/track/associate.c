@@ -181,8 +181,8 @@ static bool plausible(const struct bb_tracker *tr, size_t body, const struct bb_
 {
 	const struct bb_vec3 p = bb_pose_apply(&c->fit.pose, tr->bodies[body].centroid);
 	const struct bb_vec3 low = tr->config.room_min, high = tr->config.room_max;
-	const double var = c->fit.variance_m2[0] + c->fit.variance_m2[1] + c->fit.variance_m2[2];
-	const double turn = c->fit.variance_rad2[0] + c->fit.variance_rad2[1] + c->fit.variance_rad2[2];
+	const double(*cov)[6] = (const double(*)[6])c->fit.covariance;
+	const double turn = cov[0][0] + cov[1][1] + cov[2][2], var = cov[3][3] + cov[4][4] + cov[5][5];
 	const double margin = 0.5;
 
 	if (!(p.x > low.x - margin && p.y > low.y - margin && p.z > low.z - margin && p.x < high.x + margin &&

@@ -14,7 +14,6 @@
 #define RARER 4
 #define DOUBTS 3
 #define CLEARLY 75.0 /* three more blobs explained */
-#define DEG_PER_RAD 57.29577951308232
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
 {
@@ -89,22 +88,28 @@ static double inflation(const struct bb_track_candidate *c)
 	return dof > 0 ? fmax(1, c->fit.chi2 / dof) : 1;
 }
 
+void bb_track_pack(const double from[6][6], int at, double scale, double out[6])
+{
+	for (int r = 0, i = 0; r < 3; r++)
+		for (int c = r; c < 3; c++)
+			out[i++] = scale * scale * from[at + r][at + c];
+}
+
+double bb_track_trace(const double packed[6])
+{
+	return packed[0] + packed[3] + packed[5];
+}
+
 static struct bb_track_solution solution_of(const struct bb_tracker *tr, const struct bb_track_set *set,
-					    const struct bb_track_body *b)
+					    const struct bb_track_body *b, const double covariance[6][6])
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_polish *f = &c->fit;
-	const double more = inflation(c);
-	const double roll = f->roll_held ? f->roll_sigma_rad * f->roll_sigma_rad : 0;
-
-	return (struct bb_track_solution){
+	const double roll = f->roll_held ? BB_DEG_PER_RAD * f->roll_sigma_rad : 0;
+	struct bb_track_solution s = {
 		.at_ns = set->at_ns,
 		.body = f->pose,
 		.centroid = bb_pose_apply(&f->pose, b->centroid),
-		.position_sigma_mm = 1e3 * sqrt(more * (f->variance_m2[0] + f->variance_m2[1] + f->variance_m2[2])),
-		.angle_sigma_deg =
-			DEG_PER_RAD *
-			sqrt(more * (f->variance_rad2[0] + f->variance_rad2[1] + f->variance_rad2[2]) + roll),
 		.residual_px = tr->config.blob_sigma_px * sqrt(f->chi2 / (2 * (double)c->n_obs)),
 		.n_markers = c->n_markers,
 		.n_cameras = c->n_cameras,
@@ -112,6 +117,12 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
 			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
 	};
+
+	bb_track_pack(covariance, 0, BB_DEG_PER_RAD, s.covariance_deg2);
+	bb_track_pack(covariance, 3, 1e3, s.covariance_mm2);
+	s.position_sigma_mm = sqrt(bb_track_trace(s.covariance_mm2));
+	s.angle_sigma_deg = sqrt(bb_track_trace(s.covariance_deg2) + roll * roll);
+	return s;
 }
 
 /* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
@@ -132,17 +143,17 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
 	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
 	const double more = inflation(&b->found);
-	double var_m2[3], var_rad2[3];
+	double covariance[6][6];
 
-	for (int i = 0; i < 3; i++) {
-		var_m2[i] = more * f->variance_m2[i];
-		var_rad2[i] = more * f->variance_rad2[i];
-	}
+	for (int r = 0; r < 6; r++)
+		for (int c = 0; c < 6; c++)
+			covariance[r][c] = more * f->covariance[r][c];
+	const double(*cov)[6] = (const double(*)[6])covariance;
 	if (continues(b, set))
-		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2, hold);
+		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, cov, hold);
 	else
-		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2);
-	b->last = solution_of(tr, set, b);
+		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, cov);
+	b->last = solution_of(tr, set, b, cov);
 	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
 }
 

@@ -79,6 +79,8 @@ struct bb_track_body {
 	uint64_t n_solutions, n_told;
 };
 
+#define BB_DEG_PER_RAD 57.29577951308232
+
 struct bb_tracker {
 	struct bb_tracker_config config; /* cameras and bodies point at the caller's */
 	struct bb_lens *lenses;
@@ -90,6 +92,7 @@ struct bb_tracker {
 	int64_t last_ref_ns; /* of the newest closed set */
 	unsigned late;       /* frames in a row older than the open set */
 	struct bb_track_camera_stats *stats;
+	struct bb_track_stats counted;
 	double *mean_square_px2; /* per camera: decaying squared residual, per axis */
 	struct bb_track_candidate trial, best, rival, aside;
 	struct bb_track_cold cold;
@@ -128,6 +131,9 @@ void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set);
 bool bb_track_prior(const struct bb_track_body *b, int64_t at_ns, double max_age_s, struct bb_filter_state *state);
 /* Lends the filter's velocity to a candidate, so that cameras with their own mid-exposure fit. */
 void bb_track_set_motion(const struct bb_track_body *b, const struct bb_track_set *set, struct bb_track_candidate *c);
+/* The upper half of a 3 x 3 block on the diagonal, in another unit; and the sum over its axes. */
+void bb_track_pack(const double from[6][6], int at, double scale, double out[6]);
+double bb_track_trace(const double packed[6]);
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q);
 
 static inline void bb_track_swap(struct bb_track_candidate *a, struct bb_track_candidate *b)

@@ -384,7 +384,30 @@ static struct bb_track_pose pose_never(const struct bb_tracker *tr, size_t body)
 	out.body.q = tr->config.neutral.q;
 	out.body.p = bb_vec3_sub(out.eyes.p, bb_quat_rotate(out.body.q, tr->config.bodies[body].eye_centre));
 	out.position_sigma_mm = 1e6;
+	out.angle_sigma_deg = 180;
+	for (int i = 0; i < 6; i++) {
+		const bool diagonal = i == 0 || i == 3 || i == 5;
+		out.covariance_mm2[i] = diagonal ? 1e12 / 3 : 0;
+		out.covariance_deg2[i] = diagonal ? 180.0 * 180 / 3 : 0;
+	}
 	return out;
+}
+
+/* Of the eyes: the centroid's shift plus a turn of the arm from there, J = [-[arm]x, 1]. */
+static void tell_doubt(const struct bb_filter_state *s, struct bb_vec3 arm, struct bb_track_pose *out)
+{
+	const double j[3][6] = { { 0, arm.z, -arm.y, 1, 0, 0 },
+				 { -arm.z, 0, arm.x, 0, 1, 0 },
+				 { arm.y, -arm.x, 0, 0, 0, 1 } };
+
+	out->position_sigma_mm = 1e3 * s->position_sigma_m;
+	out->angle_sigma_deg = BB_DEG_PER_RAD * s->angle_sigma_rad;
+	bb_track_pack(s->covariance, 0, BB_DEG_PER_RAD, out->covariance_deg2);
+	for (int r = 0, i = 0; r < 3; r++)
+		for (int c = r; c < 3; c++, i++)
+			for (int a = 0; a < 6; a++)
+				for (int b = 0; b < 6; b++)
+					out->covariance_mm2[i] += 1e6 * j[r][a] * s->covariance[a][b] * j[c][b];
 }
 
 struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, int64_t at_ns)
@@ -402,10 +425,9 @@ struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, i
 	struct bb_track_pose out = { .body = bb_track_pose_about(b, s.p, s.q), .solved_ns = b->filter.at_ns };
 
 	out.eyes = (struct bb_pose){ bb_pose_apply(&out.body, b->body->eye_centre), s.q };
-	out.position_sigma_mm = 1e3 * s.position_sigma_m;
 	/* A frozen head goes on walking: the doubt grows though the pose does not. */
-	if (frozen)
-		out.position_sigma_mm = 1e3 * bb_filter_predict(&b->filter, fmin(age, 10)).position_sigma_m;
+	const struct bb_filter_state doubt = frozen ? bb_filter_predict(&b->filter, fmin(age, 10)) : s;
+	tell_doubt(&doubt, bb_vec3_sub(out.eyes.p, s.p), &out);
 	out.flags = frozen ? BB_TRACK_FROZEN : b->fresh ? BB_TRACK_FRESH : BB_TRACK_PREDICTED;
 	out.flags |= b->last.flags & (BB_TRACK_COLLINEAR | BB_TRACK_ONE_CAMERA);
 	return out;
@@ -416,4 +438,19 @@ struct bb_track_camera_stats bb_tracker_camera(const struct bb_tracker *tr, size
 	if (!tr || camera >= tr->config.n_cameras)
 		return (struct bb_track_camera_stats){ 0 };
 	return tr->stats[camera];
+}
+
+struct bb_track_stats bb_tracker_stats(const struct bb_tracker *tr)
+{
+	return tr ? tr->counted : (struct bb_track_stats){ 0 };
+}
+
+size_t bb_tracker_labels(const struct bb_tracker *tr, size_t body, struct bb_track_label *out, size_t cap)
+{
+	if (!tr || body >= tr->config.n_bodies || !tr->bodies[body].fresh)
+		return 0;
+	const struct bb_track_candidate *c = &tr->bodies[body].found;
+	for (size_t i = 0; out && i < c->n_obs && i < cap; i++)
+		out[i] = (struct bb_track_label){ c->obs[i].camera, c->obs[i].marker, c->obs[i].x_px, c->obs[i].y_px };
+	return c->n_obs;
 }
