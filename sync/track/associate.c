@@ -9,6 +9,7 @@
 
 #define NEAREST 3 /* blobs remembered per marker: nearer ones may belong to another marker */
 #define GATE_SIGMAS 4.0
+#define MERGE_NOISE 3.0 /* sigmas that noise may bring a blob of two nearer to one of them */
 #define BORDER_PX 1.0 /* nearer to the edge of the sensor a blob is cut off */
 
 struct pick {
@@ -108,7 +109,7 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 	const double sigma2 = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
 	const double wide = GATE_SIGMAS * sqrt(sigma2 + scale * scale * metric);
 	const double gate_px = fmax(BB_TRACK_GATE * tr->config.blob_sigma_px, fmin(wide, gate->most_px));
-	const double merge_px = 2 * BB_TRACK_GATE * tr->config.blob_sigma_px;
+	const double merge_px = 2 * (BB_TRACK_GATE + MERGE_NOISE) * tr->config.blob_sigma_px;
 	for (size_t m = 0; m < n; m++) {
 		seen[m] = bb_lens_project(lens, moved_to(c, markers[m], pivot, dt_s), px[m]) && on_sensor(lens, px[m]);
 		if (!seen[m])

@@ -13,6 +13,9 @@
 #define PATIENCE 16 /* failed sets before cold starts become rarer */
 #define RARER 4
 #define DOUBTS 3
+#define NOISE_PRIOR_DOF 200.0
+#define NOISE_SETS 128.0
+#define NOISE_LEAST 0.2 /* below, it is not the blobs that decide */
 #define CLEARLY 75.0 /* three more blobs explained */
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
@@ -80,12 +83,21 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 	claim(set, body, &b->found, true);
 }
 
-/* Noise larger than configured shows in the residuals; the answer must not claim to know better. */
-static double inflation(const struct bb_track_candidate *c)
+/* What the residuals say of the blobs' noise, as a factor of the configured variance: over the last second or so, and
+ * of this set alone when it is clearly worse. The answer must claim to know neither better nor worse than it does. */
+static double noise_factor(struct bb_track_body *b)
 {
-	const double dof = 2.0 * (double)c->n_obs - 6;
+	const struct bb_track_candidate *c = &b->found;
+	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2 / dof : 0;
 
-	return dof > 0 ? fmax(1, c->fit.chi2 / dof) : 1;
+	if (!(b->noise_dof > 0)) { /* to begin with the configuration is believed */
+		b->noise_dof = b->noise_chi2 = NOISE_PRIOR_DOF;
+	}
+	const double before = fmax(b->noise_chi2 / b->noise_dof, NOISE_LEAST);
+	const double limit = dof > 0 ? before * (1 + 3 * sqrt(2 / dof)) : before;
+	b->noise_chi2 += fmax(dof, 0) * fmin(now, limit) - b->noise_chi2 / NOISE_SETS;
+	b->noise_dof += fmax(dof, 0) - b->noise_dof / NOISE_SETS;
+	return now > limit ? now : before;
 }
 
 void bb_track_pack(const double from[6][6], int at, double scale, double out[6])
@@ -142,7 +154,7 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	const struct bb_polish *f = &b->found.fit;
 	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
 	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
-	const double more = inflation(&b->found);
+	const double more = noise_factor(b);
 	double covariance[6][6];
 
 	for (int r = 0; r < 6; r++)

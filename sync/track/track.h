@@ -74,6 +74,7 @@ struct bb_track_body {
 	bool fresh;        /* the newest set gave a solution */
 	unsigned failures; /* sets in a row */
 	unsigned doubts;   /* sets in a row with more blobs around the body than the pose explains */
+	double noise_chi2, noise_dof; /* decaying sums */
 	struct bb_track_candidate found;
 	struct bb_track_solution ring[BB_TRACK_RING];
 	uint64_t n_solutions, n_told;
