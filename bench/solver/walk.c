@@ -20,8 +20,7 @@ struct work {
 	double mm2, deg2, sigma_mm2, sigma_deg2, residual2;
 };
 
-/* d^T C^-1 d of a packed symmetric 3 x 3. */
-static double mahalanobis2(const double c[6], struct bb_vec3 d)
+double bb_walk_distance2(const double c[6], struct bb_vec3 d)
 {
 	const double a = c[3] * c[5] - c[4] * c[4], b = c[2] * c[4] - c[1] * c[5], e = c[1] * c[4] - c[2] * c[3];
 	const double det = c[0] * a + c[1] * b + c[2] * e;
@@ -31,8 +30,7 @@ static double mahalanobis2(const double c[6], struct bb_vec3 d)
 	       det;
 }
 
-/* The rotation vector that turns a into b, degrees. */
-static struct bb_vec3 turn_deg(struct bb_quat a, struct bb_quat b)
+struct bb_vec3 bb_walk_turn_deg(struct bb_quat a, struct bb_quat b)
 {
 	struct bb_quat q = bb_quat_mul(b, bb_quat_conj(a));
 	const double sign = q.w < 0 ? -1 : 1;
@@ -43,7 +41,7 @@ static struct bb_vec3 turn_deg(struct bb_quat a, struct bb_quat b)
 }
 
 /* A label is wrong when the blob stands at another marker's true image and not at its own's. */
-static void judge_labels(struct work *w, const struct bb_stage *s, int64_t at_ns)
+static void judge_labels(struct work *w, const struct bb_studio *s, int64_t at_ns)
 {
 	struct bb_track_label labels[LABELS_MAX];
 	const size_t n = bb_tracker_labels(s->tracker, 0, labels, LABELS_MAX);
@@ -52,7 +50,7 @@ static void judge_labels(struct work *w, const struct bb_stage *s, int64_t at_ns
 		double nearest = INFINITY, own = INFINITY, px[2];
 		bool visible;
 		for (size_t m = 0; m < s->room->bodies[0].n_markers; m++) {
-			if (!bb_stage_marker_px(s, labels[i].camera, m, at_ns, px, &visible))
+			if (!bb_studio_marker_px(s, labels[i].camera, m, at_ns, px, &visible))
 				continue;
 			const double d = hypot(px[0] - labels[i].x_px, px[1] - labels[i].y_px);
 			if (m == labels[i].marker)
@@ -65,18 +63,18 @@ static void judge_labels(struct work *w, const struct bb_stage *s, int64_t at_ns
 	w->out->n_labels += n;
 }
 
-static void judge_pose(struct work *w, const struct bb_stage *s, const struct bb_track_solution *sol, size_t seeing)
+static void judge_pose(struct work *w, const struct bb_studio *s, const struct bb_track_solution *sol, size_t seeing)
 {
 	struct bb_walk *o = w->out;
-	const struct bb_vec3 off = bb_vec3_scale(bb_vec3_sub(sol->centroid, bb_stage_centroid(s, sol->at_ns)), 1e3);
-	const struct bb_vec3 turn = turn_deg(sim_world_body(s->world, 0, sol->at_ns).q, sol->body.q);
+	const struct bb_vec3 off = bb_vec3_scale(bb_vec3_sub(sol->centroid, bb_studio_centroid(s, sol->at_ns)), 1e3);
+	const struct bb_vec3 turn = bb_walk_turn_deg(sim_world_body(s->world, 0, sol->at_ns).q, sol->body.q);
 	const double mm = bb_vec3_norm(off), deg = bb_vec3_norm(turn);
 
 	o->n_wrong_poses += mm > WRONG_MM || deg > WRONG_DEG;
 	if (seeing < 4)
 		return;
-	w->in_position[o->n_good] = mahalanobis2(sol->covariance_mm2, off) < BB_CHI2_3_95;
-	w->in_angle[o->n_good] = mahalanobis2(sol->covariance_deg2, turn) < BB_CHI2_3_95;
+	w->in_position[o->n_good] = bb_walk_distance2(sol->covariance_mm2, off) < BB_CHI2_3_95;
+	w->in_angle[o->n_good] = bb_walk_distance2(sol->covariance_deg2, turn) < BB_CHI2_3_95;
 	o->n_good++;
 	o->worst_mm = fmax(o->worst_mm, mm);
 	o->worst_deg = fmax(o->worst_deg, deg);
@@ -107,14 +105,14 @@ static void judge_search(struct work *w, bool possible, bool solved)
 	w->lost = false;
 }
 
-static bool is_dark(const struct work *w, const struct bb_stage *s, size_t frame)
+static bool is_dark(const struct work *w, const struct bb_studio *s, size_t frame)
 {
 	const double t_s = 1e-9 * (double)(s->period_ns * (int64_t)frame);
 
 	return w->config->dark_s > 0 && t_s > DARK_EVERY_S && fmod(t_s, DARK_EVERY_S) < w->config->dark_s;
 }
 
-static void walk_once(struct work *w, struct bb_stage *s)
+static void walk_once(struct work *w, struct bb_studio *s)
 {
 	struct bb_track_solution sol;
 	bool solved, dark = false;
@@ -123,11 +121,11 @@ static void walk_once(struct work *w, struct bb_stage *s)
 		const bool was = dark;
 		dark = is_dark(w, s, i);
 		if (was != dark)
-			bb_stage_cover(s, dark);
-		if (!bb_stage_step(s, &sol, &solved))
+			bb_studio_cover(s, dark);
+		if (!bb_studio_step(s, &sol, &solved))
 			return;
 		const int64_t at_ns = solved ? sol.at_ns : s->mid_ns;
-		const size_t seeing = dark ? 0 : bb_stage_seeing(s, at_ns);
+		const size_t seeing = dark ? 0 : bb_studio_seeing(s, at_ns);
 		w->out->n_frames++;
 		w->out->n_possible += seeing >= 2;
 		w->out->n_solved += solved;
@@ -194,17 +192,17 @@ enum bb_status bb_walk_measure(const struct bb_walk_config *config, struct bb_wa
 	if (!w.in_position || !w.in_angle)
 		status = bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "%zu frames", config->n_frames);
 	for (uint64_t lap = 0; !status && out->n_frames < config->n_frames; lap++) {
-		const struct bb_stage_config c = { config->room, config->path, config->fidelity, config->seed + lap };
-		struct bb_stage stage;
+		const struct bb_studio_config c = { config->room, config->path, config->fidelity, config->seed + lap };
+		struct bb_studio studio;
 		const size_t before = out->n_frames;
-		status = bb_stage_open(&c, &stage, err);
+		status = bb_studio_open(&c, &studio, err);
 		if (status)
 			break;
 		w.lost = false;
 		w.searching = 0;
-		walk_once(&w, &stage);
-		sigma_px = stage.blob_sigma_px;
-		bb_stage_close(&stage);
+		walk_once(&w, &studio);
+		sigma_px = studio.blob_sigma_px;
+		bb_studio_close(&studio);
 		if (out->n_frames == before)
 			status = bb_fail(err, BB_ERR_CONFIG, 1720, NULL, "%s: it is over before the first exposure",
 					 config->path);

@@ -14,7 +14,7 @@
 
 #include <jansson.h>
 
-#include "bench/solver/stage.h"
+#include "bench/solver/studio.h"
 
 #define BB_CHI2_3_95 7.815 /* 95 % point, 3 degrees of freedom */
 
@@ -41,6 +41,10 @@ struct bb_walk {
 
 BB_MUST_CHECK enum bb_status bb_walk_measure(const struct bb_walk_config *config, struct bb_walk *out,
 					     struct bb_error *err);
+/* Squared Mahalanobis distance of d under a packed covariance (xx xy xz yy yz zz). */
+double bb_walk_distance2(const double c[6], struct bb_vec3 d);
+/* The rotation vector that turns a into b, degrees. */
+struct bb_vec3 bb_walk_turn_deg(struct bb_quat a, struct bb_quat b);
 /* Share of true values among n, with its interval; n_eff as above. */
 struct bb_walk_share bb_walk_share_of(const bool *inside, size_t n);
 void bb_walk_print(const struct bb_walk *w, FILE *f);

@@ -5,9 +5,15 @@
 
 #include "sync/track/linalg.h"
 
-/* Spectral densities of the acceleration to begin with, 2 a^2 tau: a walking head. */
-#define ACCEL_RAD2_S3 2.0
+/* Spectral densities of the acceleration to begin with, 2 a^2 tau: a walking head; and how far they may go from there,
+ * somebody who stands still and somebody who shakes the head. */
+#define ACCEL_RAD2_S3 1.0
 #define ACCEL_M2_S3 0.05
+#define DENSITY_RANGE 300.0
+#define HORIZON_S 0.04
+#define HORIZON_LEAST_S 0.01
+#define LEARN_S 0.4   /* about so long until the densities are those of another gait */
+#define SURPRISE 9.0  /* one wild prediction counts for no more than three sigmas */
 #define START_SPEED_M_S 1.0
 #define START_RATE_RAD_S 2.0
 
@@ -46,6 +52,10 @@ struct bb_filter_state bb_filter_predict(const struct bb_filter *f, double dt_s)
 	s.p = bb_vec3_add(f->p, bb_vec3_scale(f->v, dt_s));
 	s.q = bb_quat_unit(bb_quat_mul(bb_quat_exp(bb_vec3_scale(f->w, dt_s)), f->q));
 	carry_pose(f, dt_s, s.covariance);
+	/* Beyond the horizon of learn() errors go with t^2 rather than t^1.5: a person's acceleration lasts. */
+	const double t = fabs(dt_s), lasting = fmax(t / HORIZON_S - 1, 0);
+	for (int i = 0; i < 6; i++)
+		s.covariance[i][i] += lasting * f->density[i / 3] * t * t * t / 3;
 	s.angle_sigma_rad = sqrt(fmax(sum3(s.covariance, 0), 0));
 	s.position_sigma_m = sqrt(fmax(sum3(s.covariance, 3), 0));
 	return s;
@@ -116,6 +126,62 @@ static bool correct(struct bb_filter *f, const double s[6][6], const double inno
 	return true;
 }
 
+static double clamp(double v, double low, double high)
+{
+	return fmin(fmax(v, low), high);
+}
+
+static const struct bb_filter_past *remembered(const struct bb_filter *f, int64_t at_ns)
+{
+	const struct bb_filter_past *best = NULL;
+	double off = HORIZON_S;
+
+	for (unsigned i = 0; i < BB_FILTER_PAST && i < f->n_past; i++) {
+		const double age = bb_seconds_between(at_ns, f->past[i].at_ns);
+		if (age >= HORIZON_LEAST_S && fabs(age - HORIZON_S) < off) {
+			off = fabs(age - HORIZON_S);
+			best = &f->past[i];
+		}
+	}
+	return best;
+}
+
+/* Stated against found: what was predicted a path's length ago for now, and what is measured now. A density that makes
+ * the two agree on average makes the covariance honest where it is used, though accelerations are anything but white. */
+static void learn(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, struct bb_quat q, double dt,
+		  const double covariance[6][6])
+{
+	static const double usual[2] = { ACCEL_RAD2_S3, ACCEL_M2_S3 };
+	const struct bb_filter_past *b = remembered(f, at_ns);
+
+	if (!b)
+		return;
+	const double t = bb_seconds_between(at_ns, b->at_ns);
+	const struct bb_quat turned = bb_quat_mul(bb_quat_exp(bb_vec3_scale(b->w, t)), b->q);
+	const struct bb_vec3 off[2] = { bb_quat_log(bb_quat_mul(q, bb_quat_conj(turned))),
+					bb_vec3_sub(p, bb_vec3_add(b->p, bb_vec3_scale(b->v, t))) };
+	for (int k = 0; k < 2; k++) {
+		const double stated = b->pose[k] + 2 * t * b->cross[k] + t * t * b->rate[k] +
+				      b->density[k] * t * t * t + sum3(covariance, 3 * k);
+		const double ratio = fmin(bb_vec3_dot(off[k], off[k]) / stated, SURPRISE);
+		const double step = clamp(dt / LEARN_S, 0, 0.2) * (ratio - 1);
+		f->density[k] = clamp(f->density[k] * exp(step), usual[k] / DENSITY_RANGE, usual[k] * DENSITY_RANGE);
+	}
+}
+
+static void remember(struct bb_filter *f)
+{
+	struct bb_filter_past *b = &f->past[f->n_past++ % BB_FILTER_PAST];
+
+	*b = (struct bb_filter_past){ .at_ns = f->at_ns, .p = f->p, .v = f->v, .w = f->w, .q = f->q };
+	for (int k = 0; k < 2; k++) {
+		b->pose[k] = sum3((const double(*)[6])f->pose, 3 * k);
+		b->cross[k] = sum3((const double(*)[6])f->cross, 3 * k);
+		b->rate[k] = sum3((const double(*)[6])f->rate, 3 * k);
+		b->density[k] = f->density[k];
+	}
+}
+
 static struct bb_vec3 without(struct bb_vec3 v, struct bb_vec3 axis)
 {
 	return bb_vec3_sub(v, bb_vec3_scale(axis, bb_vec3_dot(v, axis)));
@@ -130,6 +196,7 @@ void bb_filter_update(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, stru
 	const double innovation[6] = { turn.x, turn.y, turn.z, off.x, off.y, off.z };
 	double both[6][6], d[12];
 
+	learn(f, at_ns, p, q, dt, covariance);
 	carry(f, dt);
 	for (int r = 0; r < 6; r++)
 		for (int c = 0; c < 6; c++)
@@ -144,4 +211,5 @@ void bb_filter_update(struct bb_filter *f, int64_t at_ns, struct bb_vec3 p, stru
 	/* What nobody measures must not spin on. */
 	f->w = without(bb_vec3_add(f->w, (struct bb_vec3){ d[6], d[7], d[8] }), hold);
 	f->v = bb_vec3_add(f->v, (struct bb_vec3){ d[9], d[10], d[11] });
+	remember(f);
 }

@@ -5,7 +5,7 @@
  * Position is that of the markers' centroid; rotation vectors are in room axes. Errors are ordered (rotation, position)
  * as in polish.h, and so are the rates (turn rate, velocity): one covariance of 12 x 12 in three blocks, updated with
  * the pose's whole 6 x 6 covariance. What a walking person does to the model is white acceleration noise, of densities
- * that follow what predictions of HORIZON turned out to be worth (filter.c).
+ * that follow what predictions of about 40 ms, a path's length, turned out to be worth.
  */
 #ifndef BB_SYNC_TRACK_FILTER_H
 #define BB_SYNC_TRACK_FILTER_H
@@ -14,10 +14,11 @@
 
 #define BB_FILTER_PAST 16
 
-struct bb_filter_past { /* the state as it was after an update */
+struct bb_filter_past { /* the state as it was after an update; traces of its covariances: [0] rotation, [1] position */
 	int64_t at_ns;
 	struct bb_vec3 p, v, w;
 	struct bb_quat q;
+	double pose[2], cross[2], rate[2], density[2];
 };
 
 struct bb_filter {
@@ -30,7 +31,7 @@ struct bb_filter {
 	double density[2];                          /* rad^2/s^3, m^2/s^3 */
 	double innovation2;                         /* of the last update in its own covariance: 6 on average when honest */
 	struct bb_filter_past past[BB_FILTER_PAST];
-	unsigned n_past;
+	unsigned n_past; /* since the start; the ring holds the newest */
 };
 
 struct bb_filter_state { /* at another time */

@@ -1,4 +1,4 @@
-#include "bench/solver/stage.h"
+#include "bench/solver/studio.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 
 #define SETTLE_NS BB_NS_PER_S
 
-struct bb_stage_private {
+struct bb_studio_private {
 	struct bb_path *path;
 	struct bb_clock *clk;
 	struct bb_eventlog events;
@@ -30,7 +30,7 @@ static enum bb_status check_room(const struct bb_room *room, struct bb_error *er
 	return BB_OK;
 }
 
-static enum bb_status open_cameras(const struct bb_stage_config *c, struct bb_stage *s, struct bb_error *err)
+static enum bb_status open_cameras(const struct bb_studio_config *c, struct bb_studio *s, struct bb_error *err)
 {
 	int needs[BB_CLASS_COUNT];
 	const struct bb_open open = {
@@ -43,7 +43,7 @@ static enum bb_status open_cameras(const struct bb_stage_config *c, struct bb_st
 }
 
 /* As the run's loop makes its tracker. */
-static enum bb_status make_tracker(struct bb_stage *s, struct bb_error *err)
+static enum bb_status make_tracker(struct bb_studio *s, struct bb_error *err)
 {
 	const struct bb_room *room = s->room;
 	const struct bb_vec3 around = { 1, 1, 1 };
@@ -66,9 +66,9 @@ static enum bb_status make_tracker(struct bb_stage *s, struct bb_error *err)
 	return status ? bb_fail(err, status, 1720, NULL, "%s: %s", room->path, bb_status_text(status)) : BB_OK;
 }
 
-static enum bb_status start(struct bb_stage *s, struct bb_error *err)
+static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 {
-	struct bb_stage_private *own = s->own;
+	struct bb_studio_private *own = s->own;
 
 	own->maps = calloc(s->room->n_cameras, sizeof(*own->maps));
 	own->blobs = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->blobs));
@@ -86,9 +86,9 @@ static enum bb_status start(struct bb_stage *s, struct bb_error *err)
 }
 
 /* Every frame that has arrived goes to the tracker; returns how many. */
-static size_t read_frames(struct bb_stage *s)
+static size_t read_frames(struct bb_studio *s)
 {
-	struct bb_stage_private *own = s->own;
+	struct bb_studio_private *own = s->own;
 	size_t n = 0;
 
 	for (size_t i = 0; i < s->room->n_cameras; i++)
@@ -104,7 +104,7 @@ static size_t read_frames(struct bb_stage *s)
 }
 
 /* Steps fall shortly after arrivals: none splits a set, and what is done between two acts on the next exposure. */
-static void settle(struct bb_stage *s)
+static void settle(struct bb_studio *s)
 {
 	const int64_t slice_ns = s->period_ns / 16;
 	int64_t at_ns = 0;
@@ -120,9 +120,9 @@ static void settle(struct bb_stage *s)
 	bb_tracker_solve(s->tracker, true, 0, NULL, 0);
 }
 
-static enum bb_status open_world(const struct bb_stage_config *c, struct bb_stage *s, struct bb_error *err)
+static enum bb_status open_world(const struct bb_studio_config *c, struct bb_studio *s, struct bb_error *err)
 {
-	struct bb_stage_private *own = s->own;
+	struct bb_studio_private *own = s->own;
 	enum bb_status status = bb_path_load(c->path, &own->path, err);
 
 	if (status)
@@ -140,11 +140,11 @@ static enum bb_status open_world(const struct bb_stage_config *c, struct bb_stag
 	return BB_OK;
 }
 
-enum bb_status bb_stage_open(const struct bb_stage_config *config, struct bb_stage *out, struct bb_error *err)
+enum bb_status bb_studio_open(const struct bb_studio_config *config, struct bb_studio *out, struct bb_error *err)
 {
-	*out = (struct bb_stage){ .own = calloc(1, sizeof(*out->own)) };
+	*out = (struct bb_studio){ .own = calloc(1, sizeof(*out->own)) };
 	if (!out->own)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a stage");
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a studio");
 	enum bb_status status = bb_room_load(config->room, &out->room, err);
 	if (!status)
 		status = check_room(out->room, err);
@@ -157,15 +157,15 @@ enum bb_status bb_stage_open(const struct bb_stage_config *config, struct bb_sta
 	if (!status)
 		status = start(out, err);
 	if (status)
-		bb_stage_close(out);
+		bb_studio_close(out);
 	else
 		settle(out);
 	return status;
 }
 
-void bb_stage_close(struct bb_stage *s)
+void bb_studio_close(struct bb_studio *s)
 {
-	struct bb_stage_private *own = s->own;
+	struct bb_studio_private *own = s->own;
 
 	if (!own)
 		return;
@@ -178,10 +178,10 @@ void bb_stage_close(struct bb_stage *s)
 	free(own->maps);
 	free(own->blobs);
 	free(own);
-	*s = (struct bb_stage){ 0 };
+	*s = (struct bb_studio){ 0 };
 }
 
-bool bb_stage_step(struct bb_stage *s, struct bb_track_solution *solution, bool *solved)
+bool bb_studio_step(struct bb_studio *s, struct bb_track_solution *solution, bool *solved)
 {
 	const int64_t now_ns = bb_clock_now_ns(s->own->clk);
 
@@ -194,7 +194,7 @@ bool bb_stage_step(struct bb_stage *s, struct bb_track_solution *solution, bool 
 	return true;
 }
 
-void bb_stage_cover(struct bb_stage *s, bool on)
+void bb_studio_cover(struct bb_studio *s, bool on)
 {
 	const struct sim_fault_args none = { .n = 0 };
 
@@ -208,7 +208,7 @@ void bb_stage_cover(struct bb_stage *s, bool on)
 	}
 }
 
-bool bb_stage_marker_px(const struct bb_stage *s, size_t camera, size_t marker, int64_t at_ns, double px[2],
+bool bb_studio_marker_px(const struct bb_studio *s, size_t camera, size_t marker, int64_t at_ns, double px[2],
 			bool *visible)
 {
 	const struct bb_camera_config *c = &s->room->cameras[camera];
@@ -224,7 +224,7 @@ bool bb_stage_marker_px(const struct bb_stage *s, size_t camera, size_t marker, 
 	return true;
 }
 
-size_t bb_stage_seeing(const struct bb_stage *s, int64_t at_ns)
+size_t bb_studio_seeing(const struct bb_studio *s, int64_t at_ns)
 {
 	size_t cameras = 0;
 	double px[2];
@@ -233,13 +233,13 @@ size_t bb_stage_seeing(const struct bb_stage *s, int64_t at_ns)
 		size_t markers = 0;
 		bool visible;
 		for (size_t m = 0; m < s->room->bodies[0].n_markers; m++)
-			markers += bb_stage_marker_px(s, i, m, at_ns, px, &visible) && visible;
+			markers += bb_studio_marker_px(s, i, m, at_ns, px, &visible) && visible;
 		cameras += markers >= 3;
 	}
 	return cameras;
 }
 
-struct bb_vec3 bb_stage_centroid(const struct bb_stage *s, int64_t at_ns)
+struct bb_vec3 bb_studio_centroid(const struct bb_studio *s, int64_t at_ns)
 {
 	const struct bb_body *b = &s->room->bodies[0];
 	const struct bb_pose pose = sim_world_body(s->world, 0, at_ns);
