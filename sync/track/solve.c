@@ -69,13 +69,16 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 {
 	struct bb_track_body *b = &tr->bodies[body];
 
-	if (!b->found.ok || !bb_track_doubtful(tr, set, body, &b->found, 1.0 / 3)) {
+	/* In a flood blobs stand around every body: that says nothing. */
+	if (!b->found.ok || tr->flooded || !bb_track_doubtful(tr, set, body, &b->found, 1.0 / 3)) {
 		b->doubts = 0;
 		return;
 	}
-	if (++b->doubts % PATIENCE != DOUBTS)
+	if (++b->doubts % PATIENCE != DOUBTS || tr->reconsidered)
 		return;
+	tr->reconsidered = true;
 	claim(set, body, &b->found, false);
+	tr->cold.matched = false; /* its blobs are to be matched as well */
 	bb_track_swap(&b->found, &tr->aside);
 	bb_track_acquire(tr, set, body, &b->found);
 	if (!b->found.ok || b->found.score < tr->aside.score + CLEARLY)
@@ -219,17 +222,45 @@ static void cold(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 		claim(set, body, &b->found, true);
 }
 
+static void begin(struct bb_tracker *tr, struct bb_track_set *set)
+{
+	tr->flooded = false;
+	for (size_t i = 0; i < tr->config.n_cameras; i++) {
+		memset(set->views[i].owner, 0, BB_CAMERA_BLOBS_MAX);
+		tr->flooded |= set->views[i].here && set->views[i].flooded;
+	}
+	tr->cold.matched = tr->reconsidered = false;
+	tr->cold.refines = tr->cold.looks = 0;
+	tr->counted.last = (struct bb_track_work){ 0 };
+	tr->counted.sets++;
+	tr->counted.floods += tr->flooded;
+}
+
+static void count_work(struct bb_tracker *tr)
+{
+	const struct bb_track_work *last = &tr->counted.last;
+	struct bb_track_work *most = &tr->counted.most;
+
+	/* What a set may cost must not always be spent on the same body. */
+	tr->turn += last->pairs >= BB_TRACK_PAIRS_MAX || last->poses >= BB_TRACK_POSES_MAX ||
+		    tr->cold.looks >= BB_TRACK_LOOKS_MAX || tr->cold.refines >= BB_TRACK_REFINES_MAX;
+	most->pairs = last->pairs > most->pairs ? last->pairs : most->pairs;
+	most->points = last->points > most->points ? last->points : most->points;
+	most->poses = last->poses > most->poses ? last->poses : most->poses;
+}
+
 void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set)
 {
 	const size_t n = tr->config.n_bodies;
 
-	for (size_t i = 0; i < tr->config.n_cameras; i++)
-		memset(set->views[i].owner, 0, BB_CAMERA_BLOBS_MAX);
+	begin(tr, set);
 	for (size_t i = 0; i < n; i++)
 		warm(tr, set, i);
-	for (size_t i = 0; i < n; i++)
+	for (size_t k = 0; k < n; k++) {
+		const size_t i = tr->order[(tr->turn + k) % n];
 		if (!tr->bodies[i].found.ok)
 			cold(tr, set, i);
+	}
 	for (size_t i = 0; i < n; i++) {
 		struct bb_track_body *b = &tr->bodies[i];
 		reconsider(tr, set, i);
@@ -239,4 +270,5 @@ void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set)
 			commit(tr, set, b);
 	}
 	count(tr, set);
+	count_work(tr);
 }

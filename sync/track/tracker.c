@@ -9,7 +9,7 @@
 
 #include "sync/track/track.h"
 
-#define FLOOD_BUCKETS 512       /* of 2 px: distance to the nearest prediction */
+#define FLOOD_BUCKETS 512       /* see bucket_of; the last one is for blobs that are none */
 #define GROUP_NS_MAX 1000000000 /* differences within a set must be summable */
 #define PREDICT_BACK_S 1.0      /* nobody asks for the pose of a minute ago */
 
@@ -93,7 +93,8 @@ static bool take_memory(struct bb_tracker *tr, size_t n_cameras, size_t n_bodies
 	tr->stats = calloc(n_cameras, sizeof(*tr->stats));
 	tr->mean_square_px2 = calloc(n_cameras, sizeof(*tr->mean_square_px2));
 	tr->bodies = calloc(n_bodies, sizeof(*tr->bodies));
-	ok = ok && tr->lenses && tr->stats && tr->mean_square_px2 && tr->bodies;
+	tr->flood = calloc(BB_TRACK_FLOOD_MAX, sizeof(*tr->flood));
+	ok = ok && tr->flood && tr->lenses && tr->stats && tr->mean_square_px2 && tr->bodies;
 	for (size_t i = 0; ok && i < n_bodies; i++)
 		ok = take_candidate(&tr->bodies[i].found, n_cameras);
 	for (size_t i = 0; ok && i <= BB_TRACK_SETS; i++)
@@ -111,6 +112,18 @@ static void know_body(struct bb_track_body *b, const struct bb_body *body)
 	b->centroid = bb_vec3_scale(sum, 1 / (double)body->n_markers);
 	for (size_t i = 0; i < body->n_markers; i++)
 		b->radius_m = fmax(b->radius_m, bb_vec3_norm(bb_vec3_sub(body->marker[i], b->centroid)));
+}
+
+/* Of two bodies the one with more markers can be told with more certainty: it looks first, and a body that is a part of
+ * another does not take its blobs. */
+static void order_bodies(struct bb_tracker *tr)
+{
+	for (uint8_t i = 0; i < tr->config.n_bodies; i++) {
+		size_t at = i;
+		for (; at > 0 && tr->bodies[tr->order[at - 1]].body->n_markers < tr->bodies[i].body->n_markers; at--)
+			tr->order[at] = tr->order[at - 1];
+		tr->order[at] = i;
+	}
 }
 
 enum bb_status bb_tracker_create(const struct bb_tracker_config *config, struct bb_tracker **out)
@@ -133,6 +146,7 @@ enum bb_status bb_tracker_create(const struct bb_tracker_config *config, struct 
 	}
 	for (size_t i = 0; i < config->n_bodies; i++)
 		know_body(&tr->bodies[i], &config->bodies[i]);
+	order_bodies(tr);
 	for (size_t i = 0; i < config->n_cameras; i++)
 		if (!bb_lens_init(&tr->lenses[i], &config->cameras[i])) {
 			bb_tracker_destroy(tr);
@@ -170,6 +184,7 @@ void bb_tracker_destroy(struct bb_tracker *tr)
 	free(tr->rival.obs);
 	free(tr->aside.obs);
 	free(tr->lenses);
+	free(tr->flood);
 	free(tr->stats);
 	free(tr->mean_square_px2);
 	free(tr->bodies);
@@ -294,16 +309,19 @@ static size_t predicted_px(const struct bb_tracker *tr, size_t camera, int64_t m
 	return n;
 }
 
-static size_t bucket_of(const struct bb_blob *b, const double px[][2], size_t n)
+/* How far from the nearest prediction, in sixteenths of an octave of its square: the upper bits of a float. */
+static uint16_t bucket_of(const struct bb_blob *b, const float px[][2], size_t n)
 {
-	double d2 = 4e6;
+	float d2 = 4e6F;
+	uint32_t bits;
 
 	for (size_t i = 0; i < n; i++) {
-		const double dx = (double)b->x_px - px[i][0], dy = (double)b->y_px - px[i][1];
-		d2 = fmin(d2, dx * dx + dy * dy);
+		const float dx = b->x_px - px[i][0], dy = b->y_px - px[i][1], at = dx * dx + dy * dy;
+		d2 = at < d2 ? at : d2;
 	}
-	const double bucket = sqrt(d2) / 2;
-	return bucket < FLOOD_BUCKETS - 1 ? (size_t)bucket : FLOOD_BUCKETS - 1;
+	d2 += 1;
+	memcpy(&bits, &d2, sizeof(bits));
+	return (uint16_t)((bits >> 19) - (127u << 4));
 }
 
 /* More blobs than fit: those nearest to the predictions, found by counting distances; without a prediction the first.
@@ -311,23 +329,29 @@ static size_t bucket_of(const struct bb_blob *b, const double px[][2], size_t n)
 static void keep_nearest(const struct bb_tracker *tr, size_t camera, struct bb_track_view *view,
 			 const struct bb_blob *blobs, size_t n)
 {
-	double px[BB_BODIES_MAX][2];
-	const size_t n_px = predicted_px(tr, camera, view->mid_ns, px);
+	double at_px[BB_BODIES_MAX][2];
+	float px[BB_BODIES_MAX][2];
+	const size_t n_px = predicted_px(tr, camera, view->mid_ns, at_px);
 	size_t count[FLOOD_BUCKETS] = { 0 }, limit = 0, sum = 0;
+	uint16_t *bucket = tr->flood;
 
-	for (size_t i = 0; i < n; i++)
-		if (blob_is_sane(&tr->lenses[camera], &blobs[i]))
-			count[bucket_of(&blobs[i], (const double(*)[2])px, n_px)]++;
-	while (limit < FLOOD_BUCKETS && sum + count[limit] <= BB_CAMERA_BLOBS_MAX)
+	for (size_t i = 0; i < n_px; i++)
+		for (int k = 0; k < 2; k++)
+			px[i][k] = (float)at_px[i][k];
+	for (size_t i = 0; i < n; i++) {
+		const bool sane = blob_is_sane(&tr->lenses[camera], &blobs[i]);
+		bucket[i] = sane ? bucket_of(&blobs[i], (const float(*)[2])px, n_px) : FLOOD_BUCKETS - 1;
+		count[bucket[i]]++;
+	}
+	while (limit < FLOOD_BUCKETS - 1 && sum + count[limit] <= BB_CAMERA_BLOBS_MAX)
 		sum += count[limit++];
-	for (int pass = 0; pass < 2; pass++) /* the full buckets, then what still fits of the first that does not */
-		for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX; i++) {
-			if (!blob_is_sane(&tr->lenses[camera], &blobs[i]))
-				continue;
-			const size_t b = bucket_of(&blobs[i], (const double(*)[2])px, n_px);
-			if (pass ? b == limit : b < limit)
-				view->blobs[view->n++] = blobs[i];
-		}
+	/* the full buckets, then what still fits of the first that does not; the last is not for keeping */
+	for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX; i++)
+		if (bucket[i] < limit)
+			view->blobs[view->n++] = blobs[i];
+	for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX && limit < FLOOD_BUCKETS - 1; i++)
+		if (bucket[i] == limit)
+			view->blobs[view->n++] = blobs[i];
 }
 
 void bb_tracker_frame(struct bb_tracker *tr, size_t camera, int64_t mid_exposure_ns, const struct bb_blob *blobs,
@@ -344,8 +368,10 @@ void bb_tracker_frame(struct bb_tracker *tr, size_t camera, int64_t mid_exposure
 	view->mid_ns = mid_exposure_ns;
 	view->n = 0;
 	set->n_here++;
+	view->flooded = n >= BB_CAMERA_BLOBS_MAX;
+	tr->stats[camera].floods += view->flooded;
 	if (n > BB_CAMERA_BLOBS_MAX) {
-		keep_nearest(tr, camera, view, blobs, n);
+		keep_nearest(tr, camera, view, blobs, n < BB_TRACK_FLOOD_MAX ? n : BB_TRACK_FLOOD_MAX);
 		return;
 	}
 	for (size_t i = 0; i < n; i++)
