@@ -55,7 +55,7 @@ static enum bb_status make_tracker(struct bb_studio *s, struct bb_error *err)
 	const struct bb_tracker_config config = { .cameras = room->cameras,
 						  .n_cameras = room->n_cameras,
 						  .bodies = room->bodies,
-						  .n_bodies = 1,
+						  .n_bodies = room->n_bodies,
 						  .blob_sigma_px = s->blob_sigma_px,
 						  .group_ns = 500000,
 						  .freeze_ns = 100000000,

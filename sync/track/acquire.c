@@ -92,6 +92,21 @@ static bool enough_blobs(const struct bb_tracker *tr, const struct bb_track_set 
 	return most >= 4 || (most >= 3 && all >= 5);
 }
 
+/* Too little to tell a body by when it is not where it was expected: four blobs of one camera leave two equations to
+ * judge by, and three markers of a larger body are three distances, which some three markers of others may have. */
+static bool thin(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
+		 const struct bb_track_candidate *c)
+{
+	const struct bb_track_body *b = &tr->bodies[body];
+	const bool alone = tr->config.n_bodies == 1;
+
+	if (bb_track_continues(b, set, &c->fit.pose, BB_TRACK_PRIOR_S))
+		return false;
+	if (c->n_seeing == 1 && c->n_obs < 5 && (!alone || tr->cold.n[c->obs[0].camera] > c->n_obs))
+		return true;
+	return !alone && c->n_markers == 3 && b->body->n_markers > 3;
+}
+
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
 		      struct bb_track_candidate *out)
 {
@@ -107,7 +122,7 @@ void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, siz
 	if (!tr->best.ok)
 		return;
 	/* Some markers fit and others stand where none should be: a mirror image or a stranger. */
-	if (!settle(tr, set, body) || (tr->best.n_markers < tr->bodies[body].body->n_markers &&
+	if (!settle(tr, set, body) || thin(tr, set, body, &tr->best) || (tr->best.n_markers < tr->bodies[body].body->n_markers &&
 				       bb_track_doubtful(tr, set, body, &tr->best, STRANGE))) {
 		tr->counted.refused++;
 		return;

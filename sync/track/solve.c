@@ -140,16 +140,16 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 	return s;
 }
 
-/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
-static bool continues(const struct bb_track_body *b, const struct bb_track_set *set)
+bool bb_track_continues(const struct bb_track_body *b, const struct bb_track_set *set, const struct bb_pose *pose,
+			double max_age_s)
 {
 	struct bb_filter_state s;
 
-	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
+	if (!bb_track_prior(b, set->at_ns, max_age_s, &s))
 		return false;
-	const struct bb_vec3 off = bb_vec3_sub(bb_pose_apply(&b->found.fit.pose, b->centroid), s.p);
+	const struct bb_vec3 off = bb_vec3_sub(bb_pose_apply(pose, b->centroid), s.p);
 	return bb_vec3_norm(off) < 0.02 + 6 * s.position_sigma_m &&
-	       bb_quat_angle(b->found.fit.pose.q, s.q) < 0.1 + 6 * s.angle_sigma_rad;
+	       bb_quat_angle(pose->q, s.q) < 0.1 + 6 * s.angle_sigma_rad;
 }
 
 static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct bb_track_body *b)
@@ -164,7 +164,8 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 		for (int c = 0; c < 6; c++)
 			covariance[r][c] = more * f->covariance[r][c];
 	const double(*cov)[6] = (const double(*)[6])covariance;
-	if (continues(b, set))
+	/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
+	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S))
 		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, cov, hold);
 	else
 		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, cov);

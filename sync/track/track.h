@@ -59,7 +59,7 @@ struct bb_track_point { /* a triangulated blob */
  * about 3 ms on one core of 2020s' servers, less than a period of 250 Hz (`blackburst bench track`). */
 #define BB_TRACK_PAIRS_MAX 199900 /* pairs of rays, nearest to the predictions first; looked at every 96, so 200,000 */
 #define BB_TRACK_LOOKS_MAX 4000   /* cameras asked about a pair that met */
-#define BB_TRACK_POSES_MAX 1500 /* made from three points or bearings and held against all blobs */
+#define BB_TRACK_POSES_MAX 1000 /* made from three points or bearings and held against all blobs */
 #define BB_TRACK_REFINES_MAX 20   /* rough poses polished over all cameras */
 
 struct bb_track_cold { /* scratch of a cold start */
@@ -152,6 +152,9 @@ bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, 
 void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set);
 /* The prediction for a set if the body was seen within max_age_s of it. */
 bool bb_track_prior(const struct bb_track_body *b, int64_t at_ns, double max_age_s, struct bb_filter_state *state);
+/* Is a pose where the filter expects the body? false when it was last seen more than max_age_s ago. */
+bool bb_track_continues(const struct bb_track_body *b, const struct bb_track_set *set, const struct bb_pose *pose,
+			double max_age_s);
 /* Lends the filter's velocity to a candidate, so that cameras with their own mid-exposure fit. */
 void bb_track_set_motion(const struct bb_track_body *b, const struct bb_track_set *set, struct bb_track_candidate *c);
 /* The upper half of a 3 x 3 block on the diagonal, in another unit; and the sum over its axes. */
