@@ -42,6 +42,9 @@ const char *bb_cli_get(const struct bb_cli *cli, const char *name, const char *f
 const char *bb_cli_nth(const struct bb_cli *cli, const char *name, int i);
 BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double fallback, double least,
                                            double most, double *out, struct bb_error *err);
+/* The same, and a whole number. */
+BB_MUST_CHECK enum bb_status bb_cli_whole(const struct bb_cli *cli, const char *name, double fallback, double least,
+                                          double most, double *out, struct bb_error *err);
 /* n numbers with a sign between them, "0.5:2", and nothing else; false otherwise. */
 bool bb_cli_numbers(const char *text, char sign, double *out, int n);
 bool bb_cli_whole_numbers(const char *text, char sign, uint32_t *out, int n); /* "64x64x32" */
