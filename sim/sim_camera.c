@@ -208,7 +208,7 @@ static const struct sim_option options[] = {
 	OPTION("transfer_jitter_us", base.config.transfer_jitter_us, 0, 1e5),
 	OPTION("readout_us", base.config.readout_us, 0, 1e5),
 	OPTION("marker_mm", lamp.marker_mm, 1, 200),
-	OPTION("strobe_grey", lamp.strobe_grey, 0, 1e5),
+	OPTION("marker_grey", lamp.marker_grey, 0, 1e5),
 	OPTION("row_us", lamp.row_us, 0, 100),
 	OPTION("mirror", lamp.mirror, 0, 1),
 	OPTION("psf_px", sensor.psf_px, 0.3, 10),
@@ -223,7 +223,7 @@ static const struct sim_option options[] = {
 };
 static const struct sim_sensor usual_sensor = { .psf_px = 0.8, .read_noise = 1, .full_well_e = 10000, .black = 4,
 	                                        .sun_x = 0.3, .sun_y = 0.3, .sun_px = 30 };
-static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .strobe_grey = 300 };
+static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .marker_grey = 250 };
 
 static bool in(double value, double least, double most)
 {
@@ -309,6 +309,8 @@ static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *o
 	c->readout_ns = llround(k->readout_us * 1000);
 	c->transfer_ns = llround(k->transfer_us * 1000);
 	c->jitter_ns = c->ideal ? 0 : llround(k->transfer_jitter_us * 1000);
+	c->lamp.lamp_ns = c->exposure_ns;
+	c->lamp.lamp_m = fmax(bb_vec3_norm(bb_vec3_sub(sim_world_room(c->world)->neutral, k->pose.p)), 1);
 	if (open->fidelity >= 2)
 		status = sim_picture_create(&c->sensor, k->width_px, k->height_px, &c->picture);
 	if (status != BB_OK)

@@ -264,7 +264,7 @@ static void faults_show_in_pictures(void **state)
 
 static void a_polished_floor_shows_ghosts(void **state)
 {
-	struct eye *e = open_eye("strobe_grey", "3000", NULL); /* the way is long */
+	struct eye *e = open_eye("marker_grey", "3000", NULL); /* the way is long */
 	size_t blobs = 0;
 
 	(void)state;
