@@ -29,7 +29,9 @@ static void draw(const struct sim_sensor *s, const struct sim_light *l, size_t n
 static void by_points(const struct sim_light *l, double psf, double level[H][W])
 {
 	for (int k = 0; k < 300 * 24; k++) {
-		const double r = l->radius_px * sqrt((k % 300 + 0.5) / 300), a = 2.399963229728653 * (k % 300), t = (k / 300 + 0.5) / 24;
+		const double r = l->radius_px * sqrt((k % 300 + 0.5) / 300), a = 2.399963229728653 * (k % 300);
+		const int step = k / 300;
+		const double t = (step + 0.5) / 24;
 		const double x = l->x0_px + t * (l->x1_px - l->x0_px) + r * cos(a), y = l->y0_px + t * (l->y1_px - l->y0_px) + r * sin(a);
 		for (int p = 0; p < 11 * 11 * 25; p++) {
 			const int px = (int)x - 5 + p / 25 % 11, py = (int)y - 5 + p / 275;
