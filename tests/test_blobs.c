@@ -206,6 +206,42 @@ static void centres_come_near_the_bound(void **state)
 	bb_blob_finder_destroy(plain);
 }
 
+/* Where in a pixel a spot lies must not matter, nor how bright its surroundings are: rounding alone, dithered away. */
+static void centres_are_not_drawn_to_pixels(void **state)
+{
+	static const double sigmas[] = { 0.8, 1.2, 2.0 }, backgrounds[] = { 4, 12.5 };
+	struct scene_rng r = { .s = 12 };
+	struct bb_blob_finder *f = make(bb_blobs_usual(), SIDE, SIDE);
+	double worst = 0, case_worst[6] = { 0 };
+
+	(void)state;
+	for (int t = 0; t < 6 * 64; t++) {
+		const int across = t % 8, down = t / 8 % 8;
+		const struct spot s = { MIDDLE + across / 8.0 - 0.4375, MIDDLE + down / 8.0 - 0.4375, 200, sigmas[t / 64 % 3], backgrounds[t / 192] };
+		double m[SIDE][SIDE], dx = 0, dy = 0;
+		uint8_t grey[SIDE * SIDE];
+		struct bb_spot found;
+		draw_mean(&s, m);
+		for (int k = 0; k < 32; k++) {
+			for (int i = 0; i < SIDE * SIDE; i++)
+				grey[i] = (uint8_t)(m[i / SIDE][i % SIDE] + scene_uniform(&r, 0, 1));
+			assert_int_equal(bb_blobs_find(f, grey, SIDE, &found, 1).n, 1);
+			assert_true(found.flags & BB_SPOT_REFINED);
+			dx += (found.x_px - s.x) / 32;
+			dy += (found.y_px - s.y) / 32;
+		}
+		case_worst[t / 64] = fmax(case_worst[t / 64], fmax(fabs(dx), fabs(dy)));
+		worst = fmax(worst, case_worst[t / 64]);
+	}
+	for (int k = 0; k < 6; k++) {
+		assert_true(sigmas[k % 3] < 1 || case_worst[k] < 0.0015);
+		printf("[ note ] bias sigma %.1f, background %.1f: worst %.5f px\n", sigmas[k % 3], backgrounds[k / 3], case_worst[k]);
+	}
+	printf("[ note ] worst bias of a coordinate %.5f px\n", worst);
+	assert_true(worst < 0.006);
+	bb_blob_finder_destroy(f);
+}
+
 /* Parts by flood fill over 8 neighbours: slow and simple. */
 
 struct heap {
@@ -420,7 +456,7 @@ static void gates_and_flags_do_what_they_say(void **state)
 	/* One that leaves a finger in the other's surroundings is not refined. */
 	memset(grey, 4, sizeof(grey));
 	disc(grey, W, H, 20, 20, 3, 3, 120);
-	disc(grey, W, H, 26, 20, 3, 3, 120);
+	disc(grey, W, H, 26, 20, 3, 3, 60);
 	assert_int_equal(look(&c, grey, W, H, out).n, 2);
 	assert_int_equal(out[0].flags | out[1].flags, 0);
 }
@@ -534,6 +570,7 @@ int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(centres_come_near_the_bound),
+		cmocka_unit_test(centres_are_not_drawn_to_pixels),
 		cmocka_unit_test(parts_are_those_of_a_flood_fill),
 		cmocka_unit_test(every_kernel_finds_the_same_bytes),
 		cmocka_unit_test(scans_find_the_first_bright_pixel),
