@@ -293,6 +293,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = create_tracker(l);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
+	if (status == BB_OK)
+		status = bb_diode_create(l->rig, l->scene, l->options->seed, &l->diode);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
 		                               .viewer = l->start.p,
 		                               .coast_ns = l->rig->shutter ? bb_shutter_limits(l->rig->shutter)->coast_ns : 0,
@@ -329,6 +331,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_tracker_destroy(l->tracker);
 	bb_drift_destroy(l->drift);
 	bb_crosstalk_destroy(l->crosstalk);
+	bb_diode_destroy(l->diode);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);
 	free(l->nodes);
