@@ -104,21 +104,61 @@ static int64_t stamp(struct sim_camera *c, int64_t mid_ns)
 
 /* Optics */
 
+/* r_d of the radial part for the place t on its scale: tan of the angle, or the angle of a fisheye. */
+static double radial(const struct bb_camera_config *c, double t)
+{
+	const double q = t * t;
+	const double odd = c->lens == BB_LENS_FISHEYE ? c->k4 : 0;
+
+	return t + c->k1 * t * q + c->k2 * t * q * q + c->k3 * t * q * q * q + odd * t * q * q * q * q;
+}
+
+/* Glass never folds, a polynomial does: from where it no longer grows outwards nothing arrives on the sensor. */
+static bool folds(const struct bb_camera_config *c, double t)
+{
+	double last = 0;
+
+	for (int i = 1; i <= 16; i++) {
+		const double next = radial(c, t * i / 16);
+		if (next < last || (t > 1e-6 && next == last))
+			return true;
+		last = next;
+	}
+	return radial(c, t * 0.999) > last;
+}
+
+bool sim_camera_pixel(const struct bb_camera_config *config, struct bb_vec3 p, double px[2])
+{
+	if (!(p.z > 0))
+		return false;
+	const bool fisheye = config->lens == BB_LENS_FISHEYE;
+	const double across = hypot(p.x, p.y), along = atan2(p.y, p.x);
+	const double t = fisheye ? atan2(across, p.z) : across / p.z;
+	if (folds(config, t))
+		return false;
+	const double rd = radial(config, t);
+	double u = rd * cos(along), v = rd * sin(along);
+	if (!fisheye) { /* a lens that sits askew on its sensor */
+		const double x = p.x / p.z, y = p.y / p.z;
+		u += 2 * config->p1 * x * y + config->p2 * (3 * x * x + y * y);
+		v += config->p1 * (x * x + 3 * y * y) + 2 * config->p2 * x * y;
+	}
+	px[0] = config->cx_px + config->fx_px * u;
+	px[1] = config->cy_px + config->fy_px * v;
+	return true;
+}
+
 bool sim_camera_project(const struct bb_camera_config *config, struct bb_vec3 p, struct bb_blob *out)
 {
-	if (!(p.z >= SIM_CAMERA_NEAR_M) || bb_vec3_norm(p) > SIM_CAMERA_FAR_M)
+	double px[2];
+
+	if (!(p.z >= SIM_CAMERA_NEAR_M) || bb_vec3_norm(p) > SIM_CAMERA_FAR_M || !sim_camera_pixel(config, p, px))
 		return false;
-	const double x = p.x / p.z, y = p.y / p.z, rr = x * x + y * y;
-	const double k1 = config->k1, k2 = config->k2;
-	/* Where r (1 + k1 r^2 + k2 r^4) stops growing with r the lens would fold the picture. */
-	if (1 + 3 * k1 * rr + 5 * k2 * rr * rr <= 0 && rr > 0)
-		return false;
-	const double f = 1 + rr * (k1 + k2 * rr);
-	const double px = config->cx_px + config->fx_px * x * f, py = config->cy_px + config->fy_px * y * f;
-	if (!(px >= -0.5 && py >= -0.5 && px < (double)config->width_px - 0.5 && py < (double)config->height_px - 0.5))
+	if (!(px[0] >= -0.5 && px[1] >= -0.5 && px[0] < (double)config->width_px - 0.5 &&
+	      px[1] < (double)config->height_px - 0.5))
 		return false;
 	const double across_px = config->fx_px * SIM_MARKER_DIAMETER_M / p.z;
-	*out = (struct bb_blob){ (float)px, (float)py, (float)(0.78539816339744831 * across_px * across_px) };
+	*out = (struct bb_blob){ (float)px[0], (float)px[1], (float)(0.78539816339744831 * across_px * across_px) };
 	return true;
 }
 
@@ -321,7 +361,7 @@ static enum bb_status check_config(struct sim_camera *c)
 	    k->exposure_us * 1000 >= (double)bb_rate_period_ns(k->rate))
 		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "a time or the noise is out of range");
 	if (!in(k->fx_px, 1, 1e6) || !in(k->fy_px, 1, 1e6) || k->width_px < 2 || k->height_px < 2 ||
-	    k->width_px > 65536 || k->height_px > 65536 || !isfinite(k->k1 + k->k2 + k->cx_px + k->cy_px))
+	    k->width_px > 65536 || k->height_px > 65536 || !isfinite(k->k1 + k->k2 + k->k3 + k->k4 + k->p1 + k->p2 + k->cx_px + k->cy_px))
 		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "the lens or the sensor is out of range");
 	return BB_OK;
 }
