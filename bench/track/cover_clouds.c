@@ -15,6 +15,7 @@
 #define ROW_TITLE 26.0
 #define LEGEND 34.0
 #define SHARPER 1.5
+#define MARGIN 24.0
 #define AZIMUTH_DEG 33.0
 #define ELEVATION_DEG 24.0
 
@@ -229,7 +230,7 @@ static void legend(cairo_t *cr, double y)
 	cairo_fill(cr);
 	pen_text(cr, (struct pen_point){ EDGE + 133, y }, PEN_LEFT, 11, false, pen_ink, "camera, and how its picture spreads");
 	pen_text(cr, (struct pen_point){ EDGE + 350, y }, PEN_LEFT, 11, false, pen_grey,
-		 "front screen at -z, seen from behind its right");
+		 "the front wall is the far one on the left, at -z");
 }
 
 static void paint(cairo_t *cr, void *ctx)
@@ -265,6 +266,21 @@ static void include(struct bb_cloud_page *p, struct bb_vec3 v)
 	p->max = (struct bb_vec3){ fmax(p->max.x, v.x), fmax(p->max.y, v.y), fmax(p->max.z, v.z) };
 }
 
+/* Of a box as wide as the panel; a very tall one becomes narrower. */
+static double panel_height(struct bb_vec3 min, struct bb_vec3 max)
+{
+	const struct bb_eyepoint e = bb_eyepoint_of_box(min, max, AZIMUTH_DEG, ELEVATION_DEG, PANEL, 4000, MARGIN);
+	double low = HUGE_VAL, high = -HUGE_VAL;
+
+	for (int i = 0; i < 8; i++) {
+		double x, y;
+		bb_eyepoint_project(&e, (struct bb_vec3){ i & 1 ? max.x : min.x, i & 2 ? max.y : min.y, i & 4 ? max.z : min.z }, &x, &y);
+		low = fmin(low, y);
+		high = fmax(high, y);
+	}
+	return fmin(fmax(high - low + 2 * MARGIN, 150), 420);
+}
+
 enum bb_status bb_cover_clouds_begin(const struct bb_cover_clouds *c, struct bb_cloud_page **out, struct bb_page *page)
 {
 	struct bb_cloud_page *p = calloc(1, sizeof(*p));
@@ -280,12 +296,8 @@ enum bb_status bb_cover_clouds_begin(const struct bb_cover_clouds *c, struct bb_
 	for (size_t row = 0; row < c->n_rows; row++)
 		for (size_t i = 0; i < c->cover[row]->room->n_cameras; i++)
 			include(p, c->cover[row]->room->cameras[i].pose.p);
-	const struct bb_vec3 size = bb_vec3_sub(p->max, p->min);
-	const double spread = size.x * cos(AZIMUTH_DEG / 57.3) + size.z * sin(AZIMUTH_DEG / 57.3);
-	const double tall = size.y * cos(ELEVATION_DEG / 57.3) +
-			    sin(ELEVATION_DEG / 57.3) * (size.x * sin(AZIMUTH_DEG / 57.3) + size.z * cos(AZIMUTH_DEG / 57.3));
-	p->panel_height = fmin(fmax(PANEL * tall / spread, 150), 400) + 20;
-	p->eye = bb_eyepoint_of_box(p->min, p->max, AZIMUTH_DEG, ELEVATION_DEG, PANEL, p->panel_height, 24);
+	p->panel_height = panel_height(p->min, p->max);
+	p->eye = bb_eyepoint_of_box(p->min, p->max, AZIMUTH_DEG, ELEVATION_DEG, PANEL, p->panel_height, MARGIN);
 	for (size_t row = 0; row < c->n_rows && !status; row++)
 		for (size_t i = 0; i < c->n_levels && !status; i++)
 			status = make_panel(p, row, c->level[i], &p->panel[row][i]);
