@@ -138,19 +138,16 @@ static void draw_frustum(cairo_t *cr, const struct bb_cloud_page *p, const struc
 	}
 }
 
-static void draw_frusta(cairo_t *cr, const struct bb_cloud_page *p, double alpha)
+static void draw_frusta(cairo_t *cr, const struct bb_cloud_page *p, const struct bb_room *r, double alpha)
 {
-	const struct bb_room *r = p->what.cover[0]->room;
 	const double length_m = r->n_cameras > 12 ? 0.7 : 0.5;
 
 	for (size_t i = 0; i < r->n_cameras; i++)
 		draw_frustum(cr, p, &r->cameras[i], length_m, alpha);
 }
 
-static void draw_cameras(cairo_t *cr, const struct bb_cloud_page *p)
+static void draw_cameras(cairo_t *cr, const struct bb_cloud_page *p, const struct bb_room *r)
 {
-	const struct bb_room *r = p->what.cover[0]->room;
-
 	for (size_t i = 0; i < r->n_cameras; i++) {
 		const struct pen_point q = at(p, r->cameras[i].pose.p);
 		cairo_new_path(cr);
@@ -193,16 +190,17 @@ static void lay(cairo_t *cr, cairo_surface_t *s)
 static void draw_panel(cairo_t *cr, const struct bb_cloud_page *p, size_t row, size_t i)
 {
 	const struct panel *q = &p->panel[row][i];
+	const struct bb_room *room = p->what.cover[row]->room;
 	char text[64];
 
 	draw_floor(cr, p);
 	lay(cr, q->shadow);
 	draw_box(cr, p, false);
-	draw_frusta(cr, p, 0.55);
+	draw_frusta(cr, p, room, 0.55);
 	lay(cr, q->cloud);
-	draw_frusta(cr, p, 0.18);
+	draw_frusta(cr, p, room, 0.18);
 	draw_box(cr, p, true);
-	draw_cameras(cr, p);
+	draw_cameras(cr, p, room);
 	draw_sizes(cr, p);
 	snprintf(text, sizeof(text), "at least %u cameras", p->what.level[i]);
 	pen_text(cr, (struct pen_point){ PANEL / 2, p->panel_height + 14 }, PEN_CENTRE, 13.5, true, pen_ink, "%s", text);
