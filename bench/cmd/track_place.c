@@ -41,7 +41,7 @@ static enum bb_status read_numbers(struct job *j, struct bb_error *err)
 	const struct {
 		const char *name;
 		double usual, least, most, *out;
-	} numbers[] = { { "tries", 8, 1, 1000, &j->tries },	  { "sweeps", 60, 1, 10000, &j->sweeps },
+	} numbers[] = { { "tries", 4, 1, 1000, &j->tries },	  { "sweeps", 300, 1, 10000, &j->sweeps },
 			{ "grid-mm", 0, 50, 2000, &j->grid_mm },  { "cameras", 0, 1, BB_COVERAGE_CAMERAS_MAX, &j->n_cameras },
 			{ "apart-mm", 150, 0, 10000, &j->apart_mm }, { "seed", 1, 0, 9e15, &j->seed } };
 	enum bb_status status = BB_OK;
@@ -171,7 +171,7 @@ static enum bb_status draw(struct job *j, const char *dir, struct bb_error *err)
 
 static double factor(const struct job *j)
 {
-	return j->before.s[j->body].p90_m / j->after.s[j->body].p90_m;
+	return j->before.s[j->body].weak_m / j->after.s[j->body].weak_m;
 }
 
 static void print(const struct job *j, FILE *f)
@@ -188,11 +188,11 @@ static void print(const struct job *j, FILE *f)
 	bb_cover_print(&j->after.cover, j->after.s, levels, BB_ARRAY_LEN(levels), f);
 	const double k = factor(j);
 	if (isfinite(k) && k > 0)
-		fprintf(f, "\nThe weakest decile (90th percentile of the error, %s) is better by %.2f.\n\n",
+		fprintf(f, "\nThe weakest decile of the volume (viewer: %s) is better by a factor of %.2f.\n\n",
 			bb_cover_body_text(j->body), k);
 	else
 		fprintf(f, "\nThe weakest decile had %s position before and has %s now.\n\n",
-			isfinite(j->before.s[j->body].p90_m) ? "a" : "no", isfinite(j->after.s[j->body].p90_m) ? "one" : "none");
+			isfinite(j->before.s[j->body].weak_m) ? "a" : "no", isfinite(j->after.s[j->body].weak_m) ? "one" : "none");
 }
 
 static json_t *cameras_json(const struct job *j)
@@ -273,8 +273,8 @@ static int run(const struct bb_cli *cli)
 static const struct bb_cli_option options[] = {
 	{ "rails", "FILE", "lines of x y z x y z in metres (the top edges of the upright walls)" },
 	{ "cameras", "N", "how many to hang, further ones like the first (as many as there are)" },
-	{ "tries", "N", "searches; the first begins as the room is, others anywhere (8)" },
-	{ "sweeps", "N", "over all cameras, at most, in each (60)" },
+	{ "tries", "N", "searches; the first begins as the room is, others anywhere (4)" },
+	{ "sweeps", "N", "over all cameras, at most, in each (300)" },
 	{ "apart-mm", "MM", "between any two cameras, at least (150)" },
 	{ "seed", "N", "of where the others begin (1)" },
 	{ "grid-mm", "MM", "of the places that a search judges by (about 700 of them)" },

@@ -117,6 +117,25 @@ static void gather(const struct bb_cover *c, enum bb_coverage_body body, int fie
 	bb_stats_sort(out, k);
 }
 
+/* 1 / error, 0 without a position; on average over headings those without one count as 0 too. */
+static double weakest_m(const struct bb_cover *c, enum bb_coverage_body body, double *worth)
+{
+	const size_t n = bb_coverage_rows(&c->grid) * c->grid.n[0], tenth = (c->n_inside + 9) / 10;
+	double sum = 0;
+	size_t k = 0;
+
+	for (size_t i = 0; i < n; i++) {
+		const struct bb_coverage_voxel *v = &c->voxels[i];
+		const double share = body == BB_COVERAGE_MEAN ? 1 - (double)v->lost : 1;
+		if (v->inside)
+			worth[k++] = isfinite(v->error_m[body]) ? share / (double)v->error_m[body] : 0;
+	}
+	bb_stats_sort(worth, k);
+	for (size_t i = 0; i < tenth; i++)
+		sum += worth[i];
+	return sum > 0 ? (double)tenth / sum : HUGE_VAL;
+}
+
 static size_t below(const double *sorted, size_t n, double v)
 {
 	size_t low = 0, high = n;
@@ -150,6 +169,7 @@ enum bb_status bb_cover_summarise(const struct bb_cover *c, enum bb_coverage_bod
 	out->p90_m = bb_stats_nearest_rank(v, n, 0.9);
 	gather(c, body, 2, v);
 	out->worst_p90_m = bb_stats_nearest_rank(v, n, 0.9);
+	out->weak_m = weakest_m(c, body, v);
 	free(v);
 	return BB_OK;
 }

@@ -46,7 +46,8 @@ struct bb_cover_summary {                  /* of one way to count the viewer, ov
 	double share[BB_COVER_LEVELS_MAX]; /* seen by at least so many cameras */
 	double placed;                     /* share that has a position at all, of all headings that count */
 	double p10_n;                      /* all but the weakest decile are seen by as many or more */
-	double p50_m, p90_m, worst_p90_m;  /* INFINITY: that many have no position; p90 bounds the weakest decile */
+	double p50_m, p90_m, worst_p90_m;  /* INFINITY: that many have no position */
+	double weak_m; /* of the weakest decile: harmonic mean of the error, so that one without a position counts */
 };
 BB_MUST_CHECK enum bb_status bb_cover_summarise(const struct bb_cover *c, enum bb_coverage_body body,
 						const unsigned *levels, size_t n_levels, struct bb_cover_summary *out);

@@ -17,25 +17,25 @@ void bb_cover_print(const struct bb_cover *c, const struct bb_cover_summary s[BB
 		    const unsigned *levels, size_t n_levels, FILE *f)
 {
 	const struct bb_coverage_grid *g = &c->grid;
-	char a[32], b[32], d[32];
+	char a[32], b[32], d[32], e[32];
 
 	fprintf(f,
 		"%s: %zu cameras; %zu of %zu x %zu x %zu voxels of %g mm lie in the room; a marker of %g mm, seen at %g px "
 		"or more\nand %g to %g m; the viewer turns through %u headings. Share of the volume seen by at least so many "
-		"cameras,\nand expected error of a marker's position (50 and 90 of 100 voxels are better; none: no "
-		"position):\n\n",
+		"cameras,\nand expected error of a marker's position in mm (p50, p90: so many of 100 voxels are better; none: "
+		"no position;\nworst axis: p90 along it; weakest decile: harmonic mean over it):\n\n",
 		c->room->name, c->room->n_cameras, c->n_inside, g->n[0], g->n[1], g->n[2], 1e3 * g->step_m,
 		1e3 * c->config.marker_m, c->config.least_px, c->config.near_m, c->config.far_m, c->config.headings);
 	fprintf(f, "%-7s", "viewer");
 	for (size_t i = 0; i < n_levels; i++)
 		fprintf(f, "  >=%-2u %%", levels[i]);
-	fprintf(f, "  placed %%  p10 cameras  p50 mm   p90 mm   p90 worst axis mm\n");
+	fprintf(f, "  placed %%  p10 cameras  p50 mm   p90 mm   worst axis  weakest decile\n");
 	for (int k = 0; k < BB_COVERAGE_BODIES; k++) {
 		fprintf(f, "%-7s", bb_cover_body_text((enum bb_coverage_body)k));
 		for (size_t i = 0; i < n_levels; i++)
 			fprintf(f, "  %6.1f", 100 * s[k].share[i]);
-		fprintf(f, "  %8.1f  %11.2f  %-7s  %-7s  %s\n", 100 * s[k].placed, s[k].p10_n, mm(a, sizeof(a), s[k].p50_m),
-			mm(b, sizeof(b), s[k].p90_m), mm(d, sizeof(d), s[k].worst_p90_m));
+		fprintf(f, "  %8.1f  %11.2f  %-7s  %-7s  %-10s  %s\n", 100 * s[k].placed, s[k].p10_n, mm(a, sizeof(a), s[k].p50_m),
+			mm(b, sizeof(b), s[k].p90_m), mm(d, sizeof(d), s[k].worst_p90_m), mm(e, sizeof(e), s[k].weak_m));
 	}
 }
 
@@ -58,10 +58,10 @@ json_t *bb_cover_json(const struct bb_cover *c, const struct bb_cover_summary s[
 			json_object_set_new(shares, key, json_real(s[k].share[i]));
 		}
 		json_object_set_new(bodies, bb_cover_body_text((enum bb_coverage_body)k),
-				    json_pack("{s:o, s:f, s:f, s:o, s:o, s:o}", "share_at_least", shares, "placed",
+				    json_pack("{s:o, s:f, s:f, s:o, s:o, s:o, s:o}", "share_at_least", shares, "placed",
 					      s[k].placed, "p10_cameras", s[k].p10_n, "p50_mm", number(s[k].p50_m),
 					      "p90_mm", number(s[k].p90_m), "p90_worst_axis_mm",
-					      number(s[k].worst_p90_m)));
+					      number(s[k].worst_p90_m), "weakest_decile_mm", number(s[k].weak_m)));
 	}
 	return json_pack("{s:s, s:s, s:I, s:f, s:[I,I,I], s:I, s:f, s:f, s:i, s:o}", "kind", "blackburst-coverage", "room",
 			 c->room->name, "cameras", (json_int_t)c->room->n_cameras, "voxel_mm", 1e3 * g->step_m, "voxels",

@@ -10,7 +10,7 @@
 #define STEEPEST (88 * PI / 180)
 #define MOVE_M 0.6 /* the first steps; they halve */
 #define TURN_RAD (24 * PI / 180)
-#define HALVINGS 5
+#define LEAST_SCALE 0.03
 #define LEAST_GAIN 1e-4 /* of what is sought; a smaller one is no step */
 #define WEAK_HALF 0.01
 #define ALL 0.001
@@ -32,12 +32,13 @@ struct search {
 	size_t n_points, n_cameras;
 	unsigned n_headings; /* 1 with nobody in the way */
 	struct bb_vec3 *point;
-	struct place *at;
+	struct place *at, *best;
 	struct cell *cell;  /* by camera, then point */
 	struct cell *trial; /* of the camera that moves */
 	float *base;        /* summed information of the others, by point, heading: 6 */
 	double *worth;
 	double score;
+	unsigned sweeps_left;
 	uint64_t n_probes, rng;
 };
 
@@ -161,6 +162,12 @@ static void look(const struct search *s, size_t camera, const struct place *p, s
 	}
 }
 
+static void look_all(const struct search *s)
+{
+	for (size_t c = 0; c < s->n_cameras; c++)
+		look(s, c, &s->at[c], s->cell + c * s->n_points);
+}
+
 static void add(const struct search *s, const struct cell *cells, float *sums)
 {
 	for (size_t i = 0; i < s->n_points; i++)
@@ -280,20 +287,65 @@ static bool improve_camera(struct search *s, size_t camera, double scale)
 	return any;
 }
 
-static void climb(struct search *s)
+/* Until no camera gains by any step, however small, or no sweep is left. */
+static void climb(struct search *s, double scale)
 {
-	double scale = 1;
-	int halvings = 0;
-
-	for (unsigned sweep = 0; sweep < s->config->sweeps && halvings <= HALVINGS; sweep++) {
+	while (s->sweeps_left && scale >= LEAST_SCALE) {
 		bool any = false;
+		s->sweeps_left--;
 		for (size_t c = 0; c < s->n_cameras; c++)
 			any |= improve_camera(s, c, scale);
-		if (any)
-			continue;
-		scale /= 2;
-		halvings++;
+		if (!any)
+			scale /= 2;
 	}
+}
+
+static struct place anywhere(struct search *s, double way_m)
+{
+	const struct bb_place_config *k = s->config;
+	const struct bb_vec3 target = { k->min.x + (k->max.x - k->min.x) * (0.2 + 0.6 * uniform(s)),
+					k->min.y + (k->max.y - k->min.y) * uniform(s),
+					k->min.z + (k->max.z - k->min.z) * (0.2 + 0.6 * uniform(s)) };
+
+	return place_towards(s, fmod(way_m, s->way_m), target);
+}
+
+/* Takes one camera from where it is and hangs it anywhere: whatever that costs, the climb after it may earn more. */
+static void kick(struct search *s)
+{
+	const size_t camera = (size_t)(next_u64(&s->rng) % s->n_cameras);
+	struct place p;
+	int tries = 0;
+
+	do
+		p = anywhere(s, uniform(s) * s->way_m);
+	while (!has_room(s, camera, p.way_m) && ++tries < 100);
+	base_without(s, camera);
+	s->at[camera] = p;
+	look(s, camera, &p, s->cell + camera * s->n_points);
+	s->score = score_with(s, s->cell + camera * s->n_points);
+}
+
+/* A climb, then kicks, each climbed from, as long as sweeps last; what was best stays. */
+static void seek(struct search *s)
+{
+	climb(s, 1);
+	double best = s->score;
+	memcpy(s->best, s->at, s->n_cameras * sizeof(*s->best));
+	while (s->sweeps_left) {
+		kick(s);
+		climb(s, 0.5);
+		if (s->score > best) {
+			best = s->score;
+			memcpy(s->best, s->at, s->n_cameras * sizeof(*s->best));
+			continue;
+		}
+		memcpy(s->at, s->best, s->n_cameras * sizeof(*s->best));
+		look_all(s);
+		s->score = best;
+	}
+	s->score = best;
+	memcpy(s->at, s->best, s->n_cameras * sizeof(*s->best));
 }
 
 /* ---- begin and end ---- */
@@ -304,15 +356,11 @@ static void begin_anywhere(struct search *s, unsigned index)
 	const double shift = uniform(s);
 
 	for (size_t c = 0; c < s->n_cameras; c++) {
-		const double way_m = fmod(((double)c + shift) / (double)s->n_cameras * s->way_m, s->way_m);
-		const struct bb_vec3 target = { k->min.x + (k->max.x - k->min.x) * (0.2 + 0.6 * uniform(s)),
-						k->min.y + (k->max.y - k->min.y) * uniform(s),
-						k->min.z + (k->max.z - k->min.z) * (0.2 + 0.6 * uniform(s)) };
-		if (index == 0) {
-			const struct bb_pose *own = &k->cover.cameras[c].pose;
+		const struct bb_pose *own = &k->cover.cameras[c].pose;
+		if (index == 0)
 			s->at[c] = place_towards(s, nearest_way(s, own->p), bb_pose_apply(own, (struct bb_vec3){ 0, 0, 1.5 }));
-		} else
-			s->at[c] = place_towards(s, way_m, target);
+		else
+			s->at[c] = anywhere(s, ((double)c + shift) / (double)s->n_cameras * s->way_m);
 	}
 }
 
@@ -349,11 +397,12 @@ static enum bb_status prepare(struct search *s)
 	const size_t n = g.n[0] * g.n[1] * g.n[2];
 	s->point = calloc(n, sizeof(*s->point));
 	s->at = calloc(s->n_cameras, sizeof(*s->at));
+	s->best = calloc(s->n_cameras, sizeof(*s->best));
 	s->cell = calloc(n * s->n_cameras, sizeof(*s->cell));
 	s->trial = calloc(n, sizeof(*s->trial));
 	s->base = calloc(n * s->n_headings * 6, sizeof(*s->base));
 	s->worth = calloc(n, sizeof(*s->worth));
-	if (!s->point || !s->at || !s->cell || !s->trial || !s->base || !s->worth)
+	if (!s->point || !s->at || !s->best || !s->cell || !s->trial || !s->base || !s->worth)
 		return BB_ERR_NOMEM;
 	s->n_points = fill_points(s, &g);
 	return s->n_points ? BB_OK : BB_ERR_CONFIG;
@@ -364,6 +413,7 @@ static void finish(struct search *s)
 	bb_coverage_destroy(s->cover);
 	free(s->point);
 	free(s->at);
+	free(s->best);
 	free(s->cell);
 	free(s->trial);
 	free(s->base);
@@ -372,7 +422,7 @@ static void finish(struct search *s)
 
 enum bb_status bb_place_try(const struct bb_place_config *config, unsigned index, struct bb_placed *out)
 {
-	struct search s = { .config = config, .rng = config->seed * 1000003u + index };
+	struct search s = { .config = config, .sweeps_left = config->sweeps, .rng = config->seed * 1000003u + index };
 	const enum bb_status status = prepare(&s);
 
 	*out = (struct bb_placed){ 0 };
@@ -381,11 +431,10 @@ enum bb_status bb_place_try(const struct bb_place_config *config, unsigned index
 		return status;
 	}
 	begin_anywhere(&s, index);
-	for (size_t c = 0; c < s.n_cameras; c++)
-		look(&s, c, &s.at[c], s.cell + c * s.n_points);
+	look_all(&s);
 	base_without(&s, 0);
 	out->begun = s.score = score_with(&s, s.cell);
-	climb(&s);
+	seek(&s);
 	out->reached = s.score;
 	out->n_probes = s.n_probes;
 	for (size_t c = 0; c < s.n_cameras; c++)

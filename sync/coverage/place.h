@@ -4,9 +4,10 @@
  *
  * A place's worth is 1 / (expected error), 0 where there is no position; with the viewer in the way its mean, or its
  * least, over the headings. Sought is the largest mean worth of the weakest tenth of the places of a coarse grid; the
- * weaker half and the whole count as well, for a hundredth and a thousandth, so that there is a way up from nothing. Every camera in turn moves along its rail and turns by a step, first-best
- * (pattern search, Hooke and Jeeves 1961), with steps that halve when nothing helps; try 0 begins at the cameras' own
- * poses, each further one anywhere.
+ * weaker half and the whole count as well, for a hundredth and a thousandth, so that there is a way up from nothing.
+ * Every camera in turn moves along its rail and turns by a step if that helps (pattern search, Hooke and Jeeves 1961),
+ * with steps that halve when none does; then one camera is hung anywhere and the search goes on from there (iterated
+ * local search). Try 0 begins at the cameras' own poses, each further one anywhere.
  *
  * Metres, room axes. A try is pure, allocates for itself and may run beside others.
  */
