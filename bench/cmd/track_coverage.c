@@ -152,9 +152,11 @@ static enum bb_status write_all(const struct job *j, struct bb_error *err)
 					.n_levels = j->drawn.n };
 	struct bb_cover_slices cuts = { .cover = &j->cover, .body = j->body, .height_m = j->height_m };
 	const struct bb_page slices = bb_cover_slices_page(&cuts);
+
 	struct bb_cloud_page *page;
 	struct bb_page clouds;
 
+	bb_cover_slices_fit(&cuts);
 	if (j->body == BB_COVERAGE_NONE) {
 		what.n_rows = 1;
 		what.title[0] = NULL;

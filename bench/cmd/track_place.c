@@ -158,8 +158,10 @@ static enum bb_status draw(struct job *j, const char *dir, struct bb_error *err)
 	if (!status)
 		status = bb_page_write(&page, path, err);
 	bb_cover_clouds_end(clouds);
+	struct bb_cover_slices s = { .cover = &j->before.cover, .body = j->body, .height_m = 1.6 };
+	bb_cover_slices_fit(&s); /* one scale for both */
 	for (int i = 0; i < 2 && !status; i++) {
-		struct bb_cover_slices s = { .cover = i ? &j->after.cover : &j->before.cover, .body = j->body, .height_m = 1.6 };
+		s.cover = i ? &j->after.cover : &j->before.cover;
 		page = bb_cover_slices_page(&s);
 		bb_text_format(path, sizeof(path), "%s/slices-%s.png", dir, i ? "after" : "before");
 		status = bb_page_write(&page, path, err);

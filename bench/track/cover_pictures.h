@@ -28,8 +28,11 @@ struct bb_cover_slices {
 	const struct bb_cover *cover;
 	enum bb_coverage_body body;
 	double height_m; /* of the level one; the upright one goes through the middle */
-	double most_mm;  /* end of the scale; 0: by the data */
+	double least_mm, most_mm; /* of the scale; bb_cover_slices_fit sets both */
 };
+/* The scale takes in all but the worst few of what the slices show. */
+void bb_cover_slices_fit(struct bb_cover_slices *s);
+/* Borrows *s. */
 struct bb_page bb_cover_slices_page(struct bb_cover_slices *s);
 
 /* One HTML file: the tables and both drawings. */

@@ -73,36 +73,6 @@ static struct pen_colour colour_of(double t)
 				    colours[i][2] + f * (colours[i + 1][2] - colours[i][2]), 1 };
 }
 
-/* ---- what the colours mean ---- */
-
-static struct scale fit(const struct bb_cover_slices *s, const struct cut cuts[CUTS])
-{
-	const struct bb_cover *c = s->cover;
-	const size_t most = c->grid.n[0] * c->grid.n[1] + c->grid.n[1] * c->grid.n[2] + c->grid.n[2] * c->grid.n[0];
-	double *v = malloc(most * sizeof(*v));
-	struct scale out = { log(0.1), log(1) };
-	size_t n = 0;
-
-	for (int k = 0; v && k < CUTS; k++)
-		for (size_t b = 0; b < c->grid.n[cuts[k].up]; b++)
-			for (size_t a = 0; a < c->grid.n[cuts[k].across]; a++) {
-				const struct bb_coverage_voxel *x = voxel(c, &cuts[k], a, b);
-				if (x->inside && isfinite(x->error_m[s->body]))
-					v[n++] = log(1e3 * (double)x->error_m[s->body]);
-			}
-	bb_stats_sort(v, n);
-	if (n) {
-		out.low = bb_stats_nearest_rank(v, n, 0.01);
-		out.high = bb_stats_nearest_rank(v, n, 0.97);
-	}
-	if (s->most_mm > 0)
-		out.high = log(s->most_mm);
-	if (!(out.high > out.low + 0.1))
-		out.high = out.low + 0.1;
-	free(v);
-	return out;
-}
-
 /* ---- one cut ---- */
 
 static uint32_t pixel(struct pen_colour c)
@@ -364,7 +334,7 @@ static void paint(cairo_t *cr, void *ctx)
 								"the viewer's body in the way, at the worst heading" };
 	const struct bb_cover_slices *s = ctx;
 	const struct layout l = lay_out(s);
-	const struct scale scale = fit(s, l.cut);
+	const struct scale scale = { log(s->least_mm), log(s->most_mm) };
 
 	pen_rect(cr, 0, 0, l.width, l.height, pen_paper, pen_paper);
 	pen_text(cr, (struct pen_point){ EDGE, 24 }, PEN_LEFT, 17, true, pen_ink, "%s: expected error of a marker's position",
@@ -375,6 +345,30 @@ static void paint(cairo_t *cr, void *ctx)
 		draw_cut(cr, s, &l.cut[k], &scale);
 	draw_scale(cr, &scale, l.width - EDGE - 60, TOP + 40, fmax(120, l.height - TOP - 170));
 	legend(cr, l.height - 22);
+}
+
+void bb_cover_slices_fit(struct bb_cover_slices *s)
+{
+	const struct layout l = lay_out(s);
+	const size_t *n = s->cover->grid.n;
+	double *v = malloc((n[0] * n[1] + n[1] * n[2] + n[2] * n[0]) * sizeof(*v));
+	size_t k = 0;
+
+	s->least_mm = 0.1;
+	s->most_mm = 1;
+	for (int i = 0; v && i < CUTS; i++)
+		for (size_t b = 0; b < n[l.cut[i].up]; b++)
+			for (size_t a = 0; a < n[l.cut[i].across]; a++) {
+				const struct bb_coverage_voxel *x = voxel(s->cover, &l.cut[i], a, b);
+				if (x->inside && isfinite(x->error_m[s->body]))
+					v[k++] = 1e3 * (double)x->error_m[s->body];
+			}
+	if (k) {
+		bb_stats_sort(v, k);
+		s->least_mm = bb_stats_nearest_rank(v, k, 0.01);
+		s->most_mm = fmax(bb_stats_nearest_rank(v, k, 0.97), 1.1 * s->least_mm);
+	}
+	free(v);
 }
 
 struct bb_page bb_cover_slices_page(struct bb_cover_slices *s)
