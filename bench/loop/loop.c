@@ -10,6 +10,7 @@
 #include "bench/loop/follow.h"
 #include "bench/loop/lock.h"
 #include "bench/loop/remote.h"
+#include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
 
 #define DRIFT_HOLD_NS INT64_C(1600000000) /* row K9: named within 2 s, the quarter of a second it looks over included */
@@ -291,6 +292,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = bb_follow_create(l, &l->follow);
 	if (status == BB_OK)
 		status = create_tracker(l);
+	if (status == BB_OK && l->tracker)
+		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	if (status == BB_OK)
@@ -330,6 +333,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	}
 	bb_tracker_destroy(l->tracker);
 	bb_drift_destroy(l->drift);
+	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_diode_destroy(l->diode);
 	bb_image_release(&l->canvas);

@@ -205,6 +205,7 @@ struct bb_frame_loop {
 	struct bb_steady steady;
 	size_t pose_slot;                 /* "tracker/<body>" */
 	int64_t pose_ns;                  /* of the newest solution */
+	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
 
 #define SOLUTIONS_MAX 32
@@ -16,7 +17,7 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 	while (*n_reads < TRACK_READS_MAX) {
 		struct bb_camera_frame frame = { .blobs = l->blobs + *n_reads * BB_CAMERA_BLOBS_MAX,
 			                         .cap = BB_CAMERA_BLOBS_MAX };
-		status = bb_camera_read(l->rig->cameras[cam], &frame);
+		status = bb_seeing_read(l->seeing, cam, l->rig->cameras[cam], &frame);
 		if (status != BB_OK)
 			break;
 		bb_timemap_add(&l->camera_map[cam], frame.mid_exposure, frame.arrived_ns);
