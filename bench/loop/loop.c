@@ -202,9 +202,12 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
 	l->pose_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
+	l->swap_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
 	const struct bb_drift_config drift = { .cameras = room->cameras, .n_cameras = room->n_cameras, .noise_px = sigma_px,
 		                               .hold_ns = DRIFT_HOLD_NS };
-	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	enum bb_status status = bb_drift_create(&drift, &l->drift);
+	if (status == BB_OK)
+		status = bb_labels_create(l);
 	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 
@@ -333,6 +336,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	}
 	bb_tracker_destroy(l->tracker);
 	bb_drift_destroy(l->drift);
+	bb_labels_destroy(l->labels);
 	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_diode_destroy(l->diode);

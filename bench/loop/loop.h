@@ -34,6 +34,7 @@
 #include "sync/phase.h"
 #include "sync/polarity.h"
 #include "sync/sync_guard.h"
+#include "sync/track/gesture.h"
 #include "sync/track/steady.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
@@ -76,6 +77,7 @@ struct bb_frame {
 };
 
 struct bb_frame_loop;
+struct bb_labels;
 struct bb_loop_lock;
 struct bb_follow;
 struct bb_nodes;
@@ -201,7 +203,9 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
-	struct bb_drift *drift;           /* with it */
+	struct bb_drift *drift;           /* with it, */
+	struct bb_labels *labels;         /* and these */
+	size_t swap_slot;                 /* "tracker/<body>" once more */
 	struct bb_steady steady;
 	size_t pose_slot;                 /* "tracker/<body>" */
 	int64_t pose_ns;                  /* of the newest solution */
@@ -333,6 +337,7 @@ void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
 int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_labels_destroy(struct bb_labels *x);
 void bb_pose_begin(struct bb_frame_loop *l);
 void bb_pose_note(struct bb_frame_loop *l, const struct bb_track_solution *s);
 void bb_pose_predict(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
