@@ -63,7 +63,8 @@ static void of_the_cabins(void **state)
 		run(rooms[i], "scenes/calibration.yaml", false, 10, &one);
 		adds_up(one.result, 590);
 		assert_true(bb_latency_of(one.result, &l));
-		assert_true(l.total.p99 < 50 && l.within_50 >= 1 && l.within_20 <= 0);
+		assert_true(l.total.p99 < 50 && l.within_50 >= 1);
+		assert_true(i ? l.within_20 >= 1 : l.within_20 <= 0); /* cabin120's cameras expose just in time */
 		/* Settings of the room file and the profile are shown as such; what stamps say, as that. */
 		assert_true(l.link[BB_LINK_READOUT].modelled && fabs(l.link[BB_LINK_READOUT].summary.mean - 3) < 1e-9);
 		assert_true(l.link[BB_LINK_RENDER].modelled && isnan(l.link[BB_LINK_RENDER].uncertainty_ms));
