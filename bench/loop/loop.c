@@ -8,6 +8,7 @@
 #include <stdlib.h>
 
 #include "bench/loop/lock.h"
+#include "bench/loop/outlets.h"
 #include "bench/loop/remote.h"
 #include "bench/loop/tracking.h"
 
@@ -169,21 +170,26 @@ static struct bb_vec3 around(struct bb_vec3 corner, struct bb_vec3 viewer, int s
 		                 sign * fmax(sign * corner.z, sign * viewer.z + 1) };
 }
 
-static enum bb_status create_tracker(struct bb_frame_loop *l)
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
 	double sigma_px = 0.02;
 
-	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
-		return BB_OK;
 	for (size_t i = 0; i < room->n_cameras; i++)
 		sigma_px = fmax(sigma_px, bb_camera_limits(l->rig->cameras[i])->blob_error_px);
-	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
+	return (struct bb_tracker_config){ .cameras = room->cameras, .n_cameras = room->n_cameras,
 		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
 		                             .blob_sigma_px = sigma_px, .group_ns = 500000, .freeze_ns = 100000000,
 		                             .room_min = around(room->min, room->neutral, -1),
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
+}
+
+static enum bb_status create_tracker(struct bb_frame_loop *l)
+{
+	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !l->room->n_cameras || !l->room->n_bodies)
+		return BB_OK;
+	const struct bb_tracker_config c = bb_loop_tracker_config(l);
 	return bb_tracker_create(&c, &l->tracker);
 }
 
@@ -312,6 +318,7 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->views);
 		free(n->target);
 	}
+	bb_outlets_close(l);
 	bb_tracker_destroy(l->tracker);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/loop/outlets.h"
 #include "bench/loop/tracking.h"
 
 #define FACING 0.35        /* cosine: markers turned further away from a camera are not expected to be seen */
 #define IMAGE_MARGIN_PX 12
 #define BLIND_FRAMES 5     /* row K3 */
-#define SOLUTIONS_MAX 32
 #define BLOBS_PLAUSIBLE 48
 #define UNUSED_FRAMES 24 /* with four or more blobs that could be a body */
 #define TRIGGER_SKEW_NS 500000 /* row K10 */
@@ -106,6 +106,9 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 			                                   .blobs = frame.blobs,
 			                                   .n = frame.n,
 			                                   .arrived_ns = frame.arrived_ns,
+			                                   .device_ns = frame.mid_exposure.ns,
+			                                   .seq = frame.seq,
+			                                   .overflow = frame.overflow,
 			                                   .mid_ns = bb_timemap_host_ns(&l->camera_map[cam], frame.mid_exposure) };
 		++*n_reads;
 	}
@@ -187,7 +190,7 @@ static void note_newest(struct bb_frame_loop *l, struct bb_frame *f, const struc
 
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
-	struct bb_track_solution solutions[SOLUTIONS_MAX];
+	struct bb_track_solution solutions[TRACK_SOLUTIONS_MAX];
 	size_t n_reads = 0;
 
 	if (!l->tracker)
@@ -200,13 +203,14 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		if (l->reads[i].camera == 0)
 			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0, 0);
 	}
-	const size_t n = bb_tracker_solve(l->tracker, true, 0, solutions, SOLUTIONS_MAX);
-	for (size_t i = 0; i < n && i < SOLUTIONS_MAX; i++) {
+	const size_t n = bb_tracker_solve(l->tracker, true, 0, solutions, TRACK_SOLUTIONS_MAX);
+	for (size_t i = 0; i < n && i < TRACK_SOLUTIONS_MAX; i++) {
 		bb_eventlog_add(l->events, bb_eventlog_source(l->events, "tracker", l->room->bodies[0].id), BB_EV_POSE,
 		                solutions[i].at_ns, solutions[i].n_cameras, llround(solutions[i].centroid.x * 1e9));
 		judge_solution(l, f, &solutions[i]);
 		f->cameras = solutions[i].n_cameras;
 	}
+	bb_outlets_turn(l, n_reads, solutions, n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX, now_ns);
 	for (size_t i = 0; i < n_reads; i++) {
 		watch_blind(l, l->reads[i].camera, &l->reads[i]);
 		watch_plausible(l, l->reads[i].camera, &l->reads[i]);
