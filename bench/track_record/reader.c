@@ -271,7 +271,7 @@ static enum bb_status read_head(struct bb_record_reader *r, struct bb_error *err
 	while (!begin) {
 		const enum bb_status status = next_line(r, err);
 		if (status > 0)
-			return r->line_no ? over(r, err) : bad(r, err, "there is nothing in it");
+			return r->line_no || r->packed ? over(r, err) : bad(r, err, "there is not one line in it");
 		if (status != BB_OK)
 			return status;
 		if (r->line_no == 1) {

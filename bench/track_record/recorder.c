@@ -10,13 +10,14 @@
 
 #define PACK_LEVEL 3
 #define OUT_BYTES 65536
+#define FLUSH_BYTES 65536 /* of text */
 
 struct bb_recorder {
 	struct bb_file file;
 	ZSTD_CStream *pack;      /* NULL: plain text */
 	bool failed;
 	uint64_t n_frames, n_poses;
-	size_t n;
+	size_t n, n_unflushed;
 	char line[BB_RECORD_LINE];
 	uint8_t out[OUT_BYTES];
 };
@@ -82,13 +83,17 @@ static void pack(struct bb_recorder *r, ZSTD_EndDirective how)
 			return;
 		}
 		write_out(r, out.pos);
-	} while (in.pos < in.size || (how == ZSTD_e_end && left));
+	} while (in.pos < in.size || (how != ZSTD_e_continue && left));
 }
 
 static void flush_line(struct bb_recorder *r)
 {
+	/* Whoever is killed leaves a file that can be read up to its last flush. */
+	const bool flush = (r->n_unflushed += r->n) > FLUSH_BYTES;
+	if (flush)
+		r->n_unflushed = 0;
 	if (r->pack)
-		pack(r, ZSTD_e_continue);
+		pack(r, flush ? ZSTD_e_flush : ZSTD_e_continue);
 	else if (fwrite(r->line, 1, r->n, r->file.out) != r->n)
 		r->failed = true;
 	r->n = 0;

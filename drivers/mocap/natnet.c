@@ -261,7 +261,7 @@ static void raw(struct walk *w, struct natnet_message *m)
 static void payload(struct walk *w, struct natnet_message *m)
 {
 	if (w->in)
-		m->bare = m->id == NATNET_CONNECT && w->left < sizeof(m->hello);
+		m->bare = m->id == NATNET_CONNECT && w->left != sizeof(m->hello);
 	if (m->id == NATNET_CONNECT && !m->bare)
 		hello(w, &m->hello);
 	else if (m->id == NATNET_SERVER_INFO)

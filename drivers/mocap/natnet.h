@@ -83,7 +83,7 @@ struct natnet_models {
 
 struct natnet_message {
 	uint16_t id;
-	bool bare;               /* CONNECT without name and versions: raw */
+	bool bare;               /* CONNECT as some clients send it, without name and versions or with more: raw */
 	union {
 		struct natnet_hello hello;
 		struct natnet_server_info server;

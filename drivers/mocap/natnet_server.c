@@ -30,11 +30,16 @@ struct natnet_server {
 bool natnet_server_create(const struct natnet_server_config *config, struct natnet_server **out)
 {
 	*out = calloc(1, sizeof(**out));
-	if (!*out)
-		return false;
-	(*out)->config = *config;
-	(*out)->tokens_ns = NATNET_ANSWERS_BURST * (BB_NS_PER_S / NATNET_ANSWERS_PER_S);
-	return true;
+	if (*out)
+		natnet_server_begin(*out, config);
+	return *out;
+}
+
+void natnet_server_begin(struct natnet_server *s, const struct natnet_server_config *config)
+{
+	memset(s, 0, offsetof(struct natnet_server, frame));
+	s->config = *config;
+	s->tokens_ns = NATNET_ANSWERS_BURST * (BB_NS_PER_S / NATNET_ANSWERS_PER_S);
 }
 
 void natnet_server_destroy(struct natnet_server *s)

@@ -36,6 +36,7 @@ struct natnet_counts {
 
 struct natnet_server;
 BB_MUST_CHECK bool natnet_server_create(const struct natnet_server_config *config, struct natnet_server **out);
+void natnet_server_begin(struct natnet_server *s, const struct natnet_server_config *config); /* as if just created */
 void natnet_server_destroy(struct natnet_server *s); /* NULL is allowed */
 
 /* A datagram; returns the bytes of the answer in out[cap], 0 for none. */
