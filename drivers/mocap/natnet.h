@@ -48,7 +48,7 @@ struct natnet_marker {
 	int32_t id;              /* body << 16 | marker, both from 1 */
 	float at[3], size;
 	int16_t params;
-	float residual;          /* mm per ray, as Motive has it; NAN is as good as any number here */
+	float residual;          /* metres in what Motive 2.1 sends */
 };
 
 struct natnet_frame {

@@ -150,7 +150,7 @@ static void tell_body(const struct mocap_model *from, size_t i, struct natnet_mo
 	}
 }
 
-/* As Motive does: a marker set of each body, the body, and in the end a set of all. */
+/* As Motive does: each body, a marker set of the same name, and in the end a set of all. */
 static void tell_models(const struct natnet_server *s, struct natnet_message *m)
 {
 	const struct mocap_model *from = &s->config.model;
@@ -164,7 +164,7 @@ static void tell_models(const struct natnet_server *s, struct natnet_message *m)
 	all->n_markers = 0;
 	snprintf(all->name, sizeof(all->name), "all");
 	for (size_t i = 0; i < n; i++)
-		tell_body(from, i, &model[2 * i], &model[2 * i + 1], all);
+		tell_body(from, i, &model[2 * i + 1], &model[2 * i], all);
 }
 
 /* The few commands that a stream without Motive's remote control can answer. */
@@ -263,7 +263,7 @@ static void put_markers(const struct mocap_model *model, size_t i, const struct 
 		const struct bb_vec3 at = bb_pose_apply(&b->pose, model->body[i].marker[k]);
 		*m = (struct natnet_marker){ .id = (int32_t)((i + 1) << 16 | (k + 1)), .size = MARKER_SIZE_M,
 			                     .params = NATNET_MODEL_SOLVED | NATNET_HAS_MODEL,
-			                     .residual = (float)(b->error_m * 1e3) };
+			                     .residual = (float)b->error_m };
 		m->params = (int16_t)(m->params | (b->valid ? 0 : NATNET_OCCLUDED));
 		put_vec(m->at, at);
 		put_vec(set->at[set->n++], at);

@@ -69,7 +69,7 @@ static void row(struct fuzz_input *in)
 
 	fuzz_must(s || natnet_server_create(&c, &s)); /* made once */
 	natnet_server_begin(s, &c);
-	for (int32_t i = 0; in->left; i++) {
+	for (int32_t i = 0; in->left && i < 64; i++) {
 		const uint8_t who = fuzz_byte(in), length = fuzz_byte(in);
 		const struct natnet_address from = { who & 31, 1000, who & 1 };
 		size_t n;
