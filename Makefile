@@ -128,7 +128,7 @@ $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburs
 # Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
 FUZZ_SRC := $(filter hal/% drivers/% sim/% sync/optics/recorded.c sync/lock_proof.c sync/framelock/message.c \
-            bench/phase/edges.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
+            bench/phase/edges.c bench/track_record/reader.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
             tree.c stats.c values.c crc32c.c),$(SRC))
 FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
             drivers/monitor_ddc.c sim/peer_shutter.c
