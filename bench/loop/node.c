@@ -150,7 +150,7 @@ void bb_node_take_pictures(struct bb_node_machine *n, const struct bb_message *m
 	const struct bb_vec3 hand = bb_pose_apply(&m->eyes, (struct bb_vec3){ 0.2, -0.3, -0.5 });
 	struct bb_vec3 cursor = hand;
 
-	bb_pictures_fade(l->pictures, m->light / (double)BB_WHOLE, l->scene_s);
+	bb_pictures_fade(l->pictures, m->light / (double)BB_WHOLE, l->patch_s);
 	if (l->room->n_bodies > 1 && l->tracker) {
 		const struct bb_track_pose wand = bb_tracker_pose(l->tracker, 1, m->photon_ns);
 		if (!(wand.flags & BB_TRACK_NEVER))
@@ -181,7 +181,7 @@ static void draw_all(struct bb_node_machine *n, uint16_t light)
 		else if (image)
 			status = bb_calibration_draw(&n->views[v], s->id, v % l->n_eyes == 0, NULL, image);
 		if (status == BB_OK) {
-			bb_patch_draw(l->room, l->scene, n->screens[v / l->n_eyes], l->scene_s, image);
+			bb_patch_draw(l->room, l->scene, n->screens[v / l->n_eyes], l->patch_s, image);
 			if (light < BB_WHOLE)
 				bb_light_fade(image, light / (double)BB_WHOLE);
 			bb_light_pixels(l->light, n->screens[v / l->n_eyes], (unsigned)(v % l->n_eyes), image);
@@ -238,7 +238,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *told, int6
 	const struct bb_message own = bb_orphan_dim(n, told, now_ns), *m = &own;
 	n->frame = m->frame;
 	n->quality = m->quality ? m->quality / (double)BB_WHOLE : 1;
-	l->scene_s = m->scene_s;
+	l->patch_s = m->scene_s;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
@@ -435,6 +435,7 @@ void bb_node_note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb
 	if (flip->eye == BB_EYE_RIGHT)
 		return; /* a frame becomes visible with its first eye */
 	l->flipped[screen] |= UINT64_C(1) << flip->frame % 64;
+	f->flip_ns = screen ? f->flip_ns : flip->at_ns;
 	if (!f->n_flips || flip->at_ns < f->first_flip_ns)
 		f->first_flip_ns = flip->at_ns;
 	if (!f->n_flips || flip->at_ns > f->last_flip_ns) {
@@ -459,6 +460,7 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 				}
 				bb_node_note_flip(l, n->screens[s], &flips[i]);
 				bb_crosstalk_flip(l->crosstalk, n->screens[s], &flips[i]);
+				bb_diode_flip(l->diode, n->screens[s], &flips[i]);
 				if (!s)
 					bb_ledger_mark(l->ledger, BB_TRACK_VSYNC, n->screens[s], flips[i].at_ns,
 					               (int32_t)flips[i].seq, flips[i].eye);
