@@ -33,6 +33,14 @@ int64_t bb_clock_stopwatch_ns(void)
 	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
 }
 
+int64_t bb_clock_cpu_ns(void)
+{
+	struct timespec t;
+
+	clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
+}
+
 static enum bb_status create(bool virtual_time, struct bb_clock **out)
 {
 	struct bb_clock *clk = calloc(1, sizeof(*clk));

@@ -12,7 +12,8 @@
 #define WARM_GATE_PX 20.0
 #define PATIENCE 16 /* failed sets before cold starts become rarer */
 #define RARER 4
-#define DOUBTS 3
+#define DOUBTS 1
+#define SWAP_SIGMAS 3.0 /* row K5 */
 #define NOISE_PRIOR_DOF 200.0
 #define NOISE_SETS 128.0
 #define NOISE_LEAST 0.2 /* below, it is not the blobs that decide */
@@ -53,7 +54,7 @@ static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 	struct bb_track_body *b = &tr->bodies[body];
 	struct bb_filter_state s;
 
-	b->found.ok = false;
+	b->found.ok = b->swapped = false;
 	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
 		return;
 	const struct bb_track_gate gate = { s.position_sigma_m, s.angle_sigma_rad, WARM_GATE_PX };
@@ -64,7 +65,8 @@ static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 		claim(set, body, &b->found, true);
 }
 
-/* After a few doubtful sets start over from nothing and take what explains clearly more. */
+/* In the first doubtful set, and in some of those that follow, start over from nothing and take what explains clearly
+ * more. */
 static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 {
 	struct bb_track_body *b = &tr->bodies[body];
@@ -81,7 +83,8 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 	tr->cold.matched = false; /* its blobs are to be matched as well */
 	bb_track_swap(&b->found, &tr->aside);
 	bb_track_acquire(tr, set, body, &b->found);
-	if (!b->found.ok || b->found.score < tr->aside.score + CLEARLY)
+	b->swapped = b->found.ok && b->found.score >= tr->aside.score + CLEARLY;
+	if (!b->swapped)
 		bb_track_swap(&b->found, &tr->aside);
 	claim(set, body, &b->found, true);
 }
@@ -130,7 +133,7 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 		.n_cameras = c->n_cameras,
 		.n_blobs = (uint16_t)c->n_obs,
 		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
-			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
+			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u) | (b->swapped ? BB_TRACK_SWAP : 0u),
 	};
 
 	bb_track_pack(covariance, 0, BB_DEG_PER_RAD, s.covariance_deg2);
@@ -158,6 +161,7 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
 	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
 	const double more = noise_factor(b);
+	struct bb_filter_state s;
 	double covariance[6][6];
 
 	for (int r = 0; r < 6; r++)
@@ -165,10 +169,14 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 			covariance[r][c] = more * f->covariance[r][c];
 	const double(*cov)[6] = (const double(*)[6])covariance;
 	/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
-	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S))
+	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S)) {
 		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, cov, hold);
-	else
+	} else {
+		b->swapped |= bb_track_prior(b, set->at_ns, WARM_AGE_S, &s); /* nobody moves like that */
 		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, cov);
+	}
+	b->swapped |= b->found.fit.chi2 > SWAP_SIGMAS * SWAP_SIGMAS * fmax(2.0 * (double)b->found.n_obs - 6, 1);
+	tr->counted.swaps += b->swapped;
 	b->last = solution_of(tr, set, b, cov);
 	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
 }

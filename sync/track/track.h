@@ -58,8 +58,8 @@ struct bb_track_point { /* a triangulated blob */
 /* What one set may cost beside what its own bodies cost warm: cold starts of all bodies together. At 24 cameras it is
  * about 3 ms on one core of 2020s' servers, less than a period of 250 Hz (`blackburst bench track`). */
 #define BB_TRACK_PAIRS_MAX 199900 /* pairs of rays, nearest to the predictions first; looked at every 96, so 200,000 */
-#define BB_TRACK_LOOKS_MAX 4000   /* cameras asked about a pair that met */
-#define BB_TRACK_POSES_MAX 1000 /* made from three points or bearings and held against all blobs */
+#define BB_TRACK_LOOKS_MAX 3000   /* cameras asked about a pair that met */
+#define BB_TRACK_POSES_MAX 800 /* made from three points or bearings and held against all blobs */
 #define BB_TRACK_REFINES_MAX 20   /* rough poses polished over all cameras */
 
 struct bb_track_cold { /* scratch of a cold start */
@@ -86,6 +86,7 @@ struct bb_track_body {
 	struct bb_track_solution last;
 	bool fresh;        /* the newest set gave a solution */
 	unsigned failures; /* sets in a row */
+	bool swapped;      /* the newest set contradicted the labels of the one before */
 	unsigned doubts;   /* sets in a row with more blobs around the body than the pose explains */
 	double noise_chi2, noise_dof; /* decaying sums */
 	struct bb_track_candidate found;
