@@ -30,7 +30,7 @@ static enum bb_status whole(const struct bb_cli *cli, const char *name, double u
 			    size_t *out, struct bb_error *err)
 {
 	double v;
-	const enum bb_status status = bb_cli_number(cli, name, usual, least, most, &v, err);
+	const enum bb_status status = bb_cli_whole(cli, name, usual, least, most, &v, err);
 
 	if (!status)
 		*out = (size_t)v;
