@@ -140,6 +140,7 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 		if (seen[m])
 			n_picks += nearest_blobs(view, list, n_list, px[m], gate_px, (uint8_t)m, picks + n_picks);
 	const size_t n_chosen = assign(picks, n_picks, chosen, got);
+	const double worse = bb_track_noise(b, camera);
 	for (size_t i = 0; i < n_chosen; i++) {
 		const struct bb_blob *blob = &view->blobs[chosen[i]->blob];
 		if (may_be_merged((const double(*)[2])px, seen, got, n, chosen[i]->marker, merge_px)) {
@@ -147,7 +148,8 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 			continue;
 		}
 		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob,    chosen[i]->marker,
-							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px };
+							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px,
+							    worse };
 	}
 }
 

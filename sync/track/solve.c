@@ -16,7 +16,12 @@
 #define SWAP_SIGMAS 3.0 /* row K5 */
 #define NOISE_PRIOR_DOF 200.0
 #define NOISE_SETS 128.0
-#define NOISE_LEAST 0.2 /* below, it is not the blobs that decide */
+#define NOISE_LEAST 0.05 /* below, it is not the blobs that decide */
+#define NOISE_MOST 16.0
+#define NOISE_PRIOR 20.0 /* coordinates, believed of a camera to begin with */
+#define NOISE_OBS 240.0  /* half a second of five markers at 120 Hz: so long a distance is about the same */
+#define NOISE_OBS_LEAST 8
+#define NOISE_WILD 50.0
 #define CLEARLY 75.0 /* three more blobs explained */
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
@@ -94,7 +99,7 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 static double noise_factor(struct bb_track_body *b)
 {
 	const struct bb_track_candidate *c = &b->found;
-	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2 / dof : 0;
+	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2_own / dof : 0;
 
 	if (!(b->noise_dof > 0)) { /* to begin with the configuration is believed */
 		b->noise_dof = b->noise_chi2 = NOISE_PRIOR_DOF;
@@ -181,13 +186,32 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
 }
 
+double bb_track_noise(const struct bb_track_body *b, size_t camera)
+{
+	const struct bb_track_noise *n = &b->noise[camera];
+
+	return n->left > 0 ? sqrt(n->square / n->left) : 1;
+}
+
+/* Near and far cameras do not find blobs equally well, nor those whose blobs are saturated. In units of the configured
+ * variance. */
+static void learn_noise(struct bb_track_noise *n, double square, double left)
+{
+	if (!(n->left > 0))
+		*n = (struct bb_track_noise){ NOISE_PRIOR, NOISE_PRIOR };
+	n->square += fmin(square, NOISE_WILD) - n->square / NOISE_OBS;
+	n->left += fmax(left, 0) - n->left / NOISE_OBS;
+	n->square = fmin(fmax(n->square, NOISE_LEAST * n->left), NOISE_MOST * n->left);
+}
+
 /* What one camera gave to a solved body. obs are sorted by camera; from is where this camera's begin. */
-static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, const struct bb_track_body *b,
+static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, struct bb_track_body *b,
 			   size_t camera, size_t from)
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_lens *lens = &tr->lenses[camera];
 	struct bb_track_camera_stats *stats = &tr->stats[camera];
+	const double var = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
 	size_t expected = 0, used = 0;
 	double px[2];
 
@@ -196,10 +220,12 @@ static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set
 			    px[1] > 0 && px[0] < lens->width_px - 1 && px[1] < lens->height_px - 1;
 	for (; from + used < c->n_obs && c->obs[from + used].camera == camera; used++) {
 		const struct bb_track_obs *o = &c->obs[from + used];
-		if (!bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[o->marker]), px))
+		double square_px2, left;
+		if (!bb_polish_residual(&c->fit, o, &square_px2, &left))
 			continue;
-		const double dx = o->x_px - px[0], dy = o->y_px - px[1];
-		tr->mean_square_px2[camera] += ((dx * dx + dy * dy) / 2 - tr->mean_square_px2[camera]) / 64;
+		if (c->n_obs >= NOISE_OBS_LEAST)
+			learn_noise(&b->noise[camera], square_px2 / var, left);
+		tr->mean_square_px2[camera] += (square_px2 / 2 - tr->mean_square_px2[camera]) / 64;
 	}
 	stats->used += used;
 	stats->missing += expected > used ? expected - used : 0;
