@@ -7,6 +7,7 @@
 #include "hal/scene.h"
 #include "sim/sim.h"
 #include "sim/sim_camera.h"
+#include "sync/blobs/blobs.h"
 
 #define SETTLE_NS BB_NS_PER_S
 
@@ -17,6 +18,9 @@ struct bb_studio_private {
 	struct bb_rig rig;
 	struct bb_timemap *maps;
 	struct bb_blob *blobs;
+	struct bb_blob_finder **finders; /* by camera; of fidelity 2 only */
+	struct bb_spot *spots;
+	uint8_t *grey;
 };
 
 static enum bb_status check_room(const struct bb_room *room, struct bb_error *err)
@@ -66,6 +70,27 @@ static enum bb_status make_tracker(struct bb_studio *s, struct bb_error *err)
 	return status ? bb_fail(err, status, 1720, NULL, "%s: %s", room->path, bb_status_text(status)) : BB_OK;
 }
 
+/* Pictures are looked through here, as a run does it. */
+static enum bb_status make_finders(struct bb_studio *s, struct bb_error *err)
+{
+	const struct bb_blobs_config usual = bb_blobs_usual();
+	struct bb_studio_private *own = s->own;
+	int64_t most = 0;
+
+	own->finders = calloc(s->room->n_cameras, sizeof(struct bb_blob_finder *));
+	own->spots = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->spots));
+	for (size_t i = 0; own->finders && own->spots && i < s->room->n_cameras; i++) {
+		const struct bb_camera_config *c = &s->room->cameras[i];
+		most = c->width_px * c->height_px > most ? c->width_px * c->height_px : most;
+		const enum bb_status status =
+			bb_blob_finder_create(&usual, c->width_px, c->height_px, &own->finders[i]);
+		if (status)
+			return bb_fail(err, status, 1720, NULL, "camera/%s: its pictures", c->id);
+	}
+	own->grey = calloc(1, (size_t)most + 1);
+	return own->finders && own->spots && own->grey ? BB_OK : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "pictures");
+}
+
 static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 {
 	struct bb_studio_private *own = s->own;
@@ -85,6 +110,17 @@ static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 	return BB_OK;
 }
 
+static void find_blobs(struct bb_studio_private *own, size_t camera, struct bb_camera_frame *frame)
+{
+	const int64_t width_px = own->rig.room->cameras[camera].width_px;
+
+	if (!frame->has_grey)
+		return;
+	frame->n = bb_blobs_find(own->finders[camera], frame->grey, (size_t)width_px, own->spots, frame->cap).n;
+	for (size_t i = 0; i < frame->n; i++)
+		frame->blobs[i] = bb_spot_blob(&own->spots[i]);
+}
+
 /* Every frame that has arrived goes to the tracker; returns how many. */
 static size_t read_frames(struct bb_studio *s)
 {
@@ -93,9 +129,12 @@ static size_t read_frames(struct bb_studio *s)
 
 	for (size_t i = 0; i < s->room->n_cameras; i++)
 		for (;; n++) {
-			struct bb_camera_frame frame = { .blobs = own->blobs, .cap = BB_CAMERA_BLOBS_MAX };
+			struct bb_camera_frame frame = { .blobs = own->blobs,
+							 .cap = BB_CAMERA_BLOBS_MAX,
+							 .grey = own->grey };
 			if (bb_camera_read(own->rig.cameras[i], &frame) != BB_OK)
 				break;
+			find_blobs(own, i, &frame);
 			bb_timemap_add(&own->maps[i], frame.mid_exposure, frame.arrived_ns);
 			s->mid_ns = bb_timemap_host_ns(&own->maps[i], frame.mid_exposure);
 			bb_tracker_frame(s->tracker, i, s->mid_ns, frame.blobs, frame.n);
@@ -154,6 +193,8 @@ enum bb_status bb_studio_open(const struct bb_studio_config *config, struct bb_s
 		status = open_cameras(config, out, err);
 	if (!status)
 		status = make_tracker(out, err);
+	if (!status && config->fidelity == 2)
+		status = make_finders(out, err);
 	if (!status)
 		status = start(out, err);
 	if (status)
@@ -169,6 +210,11 @@ void bb_studio_close(struct bb_studio *s)
 
 	if (!own)
 		return;
+	for (size_t i = 0; own->finders && i < s->room->n_cameras; i++)
+		bb_blob_finder_destroy(own->finders[i]);
+	free(own->finders);
+	free(own->spots);
+	free(own->grey);
 	bb_tracker_destroy(s->tracker);
 	bb_rig_close(&own->rig);
 	sim_world_destroy(s->world);
