@@ -371,7 +371,7 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 	struct bb_coverage_look look;
 
 	for (int i = 0; i < 2; i++)
-		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 10, 0, 0).pose;
+		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 30, 0, 0).pose;
 	struct bb_coverage *c = make(config);
 	bb_coverage_look(c, p, -1, &look);
 	bb_coverage_destroy(c);
@@ -379,11 +379,11 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 }
 
 /* Two cameras on one rail and one place to see: all pairs of positions are tried by hand, aimed at it. (Through a wide
- * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrow.) */
+ * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrower: at most a tenth.) */
 static void placement_finds_what_trying_all_finds(void **state)
 {
-	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0),
-					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0) };
+	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0),
+					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0) };
 	const struct bb_rail rail = { v3(-3, 2, -2), v3(3, 2, -2) };
 	const struct bb_vec3 p = { 0, 1, 0 };
 	struct bb_place_config config = { .cover = config_of(&empty_room, cams, 2),
@@ -414,7 +414,7 @@ static void placement_finds_what_trying_all_finds(void **state)
 	const double reached = placed->reached / (1 + 0.01 + 0.001); /* one place is its own weaker half and the whole */
 	printf("[ note ] placed at %.2f and %.2f, worth %.0f of %.0f at %.2f and %.2f\n", found[0].p.x, found[1].p.x, reached,
 	       best, at[0], at[1]);
-	assert_true(reached > 0.995 * best && reached < 1.03 * best && reached > 1.3 * placed->begun / 1.011);
+	assert_true(reached > 0.995 * best && reached < 1.15 * best && reached > 1.3 * placed->begun / 1.011);
 	free(placed);
 }
 
