@@ -15,6 +15,8 @@ static const struct bb_vec3 head_centre = { 0, -0.02, 0.09 };
 #define TORSO_BOTTOM_M 0.95
 #define TORSO_RADIUS_M 0.16
 
+static const struct bb_vec3 loose = { 0.6, 0.8, 0 }; /* where a marker that came off hangs, in head space */
+
 /* However the markers were measured, the head must not swallow those of the glasses. */
 static double head_radius_m(const struct bb_room *room)
 {
@@ -90,8 +92,11 @@ size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec
 			continue;
 		const struct bb_body *body = &w->room->bodies[b];
 		const struct bb_pose pose = sim_world_body(w, b, at_ns);
-		for (size_t i = 0; i < body->n_markers && n < cap; i++)
-			out[n++] = bb_pose_apply(&pose, body->marker[i]);
+		for (size_t i = 0; i < body->n_markers && n < cap; i++) {
+			const double off_m = b ? 0 : (double)w->viewer.loose_nm[i] * 1e-9;
+			const struct bb_vec3 at = bb_vec3_add(body->marker[i], bb_vec3_scale(loose, off_m));
+			out[n++] = bb_pose_apply(&pose, at);
+		}
 	}
 	return n;
 }
