@@ -102,10 +102,10 @@ static struct chart_series series(const char *name, const struct curve *c, int c
 }
 
 static void draw(cairo_t *cr, const char *title, const char *x, const char *y, enum chart_scale x_scale,
-		 const struct chart_series *s, size_t n, double left, double top)
+		 enum chart_scale y_scale, const struct chart_series *s, size_t n, double left, double top)
 {
 	const struct chart chart = { .title = title, .x_title = x, .y_title = y, .x_scale = x_scale,
-				     .y_scale = CHART_DECADES, .series = s, .n_series = n };
+				     .y_scale = y_scale, .series = s, .n_series = n };
 
 	chart_draw(cr, &chart, left, top, PAGE_WIDTH / 2 - 40, PAGE_HEIGHT / 2 - 50);
 	chart_legend(cr, s, n, left + 60, top - 8);
@@ -130,10 +130,10 @@ static void paint(cairo_t *cr, void *ctx)
 	const struct chart_series cost[] = { series("cabin", &c[3], 0, false), series("deck", &c[4], 1, false) };
 	const struct chart_series mm[] = { series("position, mm rms", &c[5], 0, false) };
 	const struct chart_series deg[] = { series("angle, degrees rms", &c[6], 2, false) };
-	draw(cr, "Position error by number of cameras", "cameras", "mm", CHART_LINEAR, where, 3, 20, 30);
-	draw(cr, "Solving a frame", "cameras", "ms, median", CHART_LINEAR, cost, 2, right, 30);
-	draw(cr, "Position error by blob noise, eight cameras", "noise of a blob's centre, px", "mm", CHART_DECADES, mm, 1, 20, low);
-	draw(cr, "Angle error by blob noise, eight cameras", "noise of a blob's centre, px", "degrees", CHART_DECADES, deg, 1,
+	draw(cr, "Position error by number of cameras", "cameras", "mm", CHART_LINEAR, CHART_DECADES, where, 3, 20, 30);
+	draw(cr, "Solving a frame", "cameras", "ms, median", CHART_LINEAR, CHART_LINEAR, cost, 2, right, 30);
+	draw(cr, "Position error by blob noise, eight cameras", "noise of a blob's centre, px", "mm", CHART_DECADES, CHART_DECADES, mm, 1, 20, low);
+	draw(cr, "Angle error by blob noise, eight cameras", "noise of a blob's centre, px", "degrees", CHART_DECADES, CHART_DECADES, deg, 1,
 	     right, low);
 }
 
