@@ -402,8 +402,9 @@ static void placement_finds_what_trying_all_finds(void **state)
 	(void)state;
 	assert_int_equal(bb_place_try(&config, 0, placed), BB_OK);
 	const struct bb_pose found[2] = { placed->pose[0], placed->pose[1] };
-	for (double a = -3; a <= 3; a += 0.1)
-		for (double b = a + 0.2; b <= 3; b += 0.1) {
+	for (int i = 0; i <= 60; i++)
+		for (int k = i + 2; k <= 60; k++) {
+			const double a = 0.1 * (i - 30), b = 0.1 * (k - 30);
 			const double w = worth_of(&config.cover, cams, (const double[2]){ a, b }, p);
 			if (w > best) {
 				best = w;
