@@ -171,7 +171,7 @@ check "... the same on both ways" python3 "$work/same.py" "$work/n" "$work/v"
 check "... both bodies" is v "{p['sender'] for p in r['poses']} == {'glasses', 'wand'} and r['pongs'] == ['glasses', 'wand']"
 
 # Import: what we streamed, recorded by somebody as datagrams.
-serve --replay "$work/a.bbtrack"
+serve --replay "$work/a.bbtrack" --repeat
 python3 - "$natnet" "$work/d.bin" <<END
 import socket, struct, sys, time
 s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
