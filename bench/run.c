@@ -214,8 +214,8 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 		w->rig.link = bb_nodes_link(w->nodes);
 	}
 	if (status == BB_OK)
-		status = bb_watch_create(room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
-		                                 room->n_gamepads + 2 * room->n_nodes + 8,
+		status = bb_watch_create(BB_CAMERA_TROUBLES * room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
+		                                 room->n_gamepads + 3 * room->n_nodes + 9,
 		                         &w->events, WATCH_SETTLE_NS, &w->watch);
 	if (status == BB_OK)
 		status = bb_facility_create(&w->rig, w->clk, w->watch, &w->facility);

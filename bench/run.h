@@ -38,6 +38,7 @@ struct bb_run_options {
 	double memory_mib;          /* override; < 0: as the scene says */
 	int64_t stream_bricks;      /* override; < 0: as the scene says */
 	int64_t plant_draw_ns;      /* test of the gate: added to every draw */
+	double plant_crystal_ppm;   /* test of bench/loop/follow.h: this process's clock is that much too fast */
 	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
 	struct bb_run_processes processes;
 	const char *record_path;    /* what the tracker sees and says, into this file; NULL: no */

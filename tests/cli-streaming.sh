@@ -133,7 +133,7 @@ check "... the same, of both bodies" is out "r['same'] and r['poses_same'] > 400
 check "... as a table" sh -c "head -1 '$work/a.csv' | grep -q 'at_ns,x_m.*position_sigma_mm' && grep -q wand '$work/a.csv'"
 check "compressed and not, the same" sh -c "'$program' track replay '$work/b.bbtrack.zst' --csv '$work/b.csv' >/dev/null && cmp '$work/a.csv' '$work/b.csv'"
 check "speed" sh -c "'$program' track replay '$work/a.bbtrack' --speed 10 >/dev/null"
-awk '$1 == "f" && $8 > 0 && ++n == 900 { $9 += 2 } 1' "$work/a.bbtrack" >"$work/moved.bbtrack"
+awk '$1 == "f" && $9 > 0 && ++n == 900 { $10 += 2 } 1' "$work/a.bbtrack" >"$work/moved.bbtrack"
 check "a blob elsewhere is another pose" ends 1 "$program" track replay "$work/moved.bbtrack" --room rooms/cabin.yaml
 check "... with its number" says BB1765
 sed '$a # changed' rooms/cabin.yaml >"$work/cabin.yaml"

@@ -44,7 +44,7 @@ static struct bb_record_item item_of(struct sim_rng *r, int i)
 	if (item.kind == BB_RECORD_FRAME) {
 		item.frame = (struct bb_record_frame){ .camera = (uint16_t)(i / 4 % 2), .seq = (uint32_t)sim_rng_u64(r),
 			                               .device_ns = (int64_t)sim_rng_u64(r) / 4, .mid_ns = -i,
-			                               .arrived_ns = INT64_MAX / 4, .overflow = i & 8,
+			                               .arrived_ns = INT64_MAX / 4, .overflow = i & 8, .given = i & 16,
 			                               .n = i == 400 ? BB_CAMERA_BLOBS_MAX : (size_t)i / 4 % 7,
 			                               .blobs = blobs };
 		for (size_t k = 0; k < item.frame.n; k++)
@@ -73,6 +73,7 @@ static void check_same(const struct bb_record_item *a, const struct bb_record_it
 		assert_int_equal(a->frame.device_ns, b->frame.device_ns);
 		assert_int_equal(a->frame.arrived_ns, b->frame.arrived_ns);
 		assert_int_equal(a->frame.mid_ns, b->frame.mid_ns);
+		assert_int_equal(a->frame.given, b->frame.given);
 		assert_int_equal(a->frame.overflow, b->frame.overflow);
 		assert_int_equal(a->frame.n, b->frame.n);
 		assert_memory_equal(a->frame.blobs, b->frame.blobs, a->frame.n * sizeof(struct bb_blob));

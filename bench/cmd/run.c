@@ -120,18 +120,18 @@ static enum bb_status read_fidelity(const struct bb_cli *cli, struct bb_run_opti
 static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
 {
 	double seed, bricks, plant_us, plant_bricks;
-	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, 9e15, &seed, err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 1, 0, 9e15, &seed, err);
 
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "duration", 0, 0.1, 86400, &o->duration_s, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "memory-mib", -1, 0, 65536, &o->memory_mib, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+		status = bb_cli_whole(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "plant-draw-us", 0, 0, 1e6, &plant_us, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "plant-bricks", 0, 0, 1e6, &plant_bricks, err);
+		status = bb_cli_whole(cli, "plant-bricks", 0, 0, 1e6, &plant_bricks, err);
 	if (status != BB_OK)
 		return status;
 	o->seed = (uint64_t)seed;
@@ -147,7 +147,7 @@ static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_opt
 	const char *link = bb_cli_get(cli, "link", "shm");
 	static char uri[160];
 	double n;
-	const enum bb_status status = bb_cli_number(cli, "nodes", 1, 1, LINK_PROCESSES_MAX, &n, err);
+	const enum bb_status status = bb_cli_whole(cli, "nodes", 1, 1, LINK_PROCESSES_MAX, &n, err);
 
 	if (status != BB_OK)
 		return status;

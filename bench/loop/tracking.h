@@ -15,6 +15,14 @@ struct camera_read {
 	int64_t device_ns;          /* mid-exposure by the camera's own clock */
 	uint32_t seq;
 	bool overflow;
+	bool given;                 /* to the tracker */
 };
+
+/* cameras.c. A frame that came; what it shows, once the tracker has seen it; how the reading of a camera ended. */
+struct bb_frame_loop;
+void bb_cameras_begin(struct bb_frame_loop *l, size_t cam);
+void bb_cameras_frame(struct bb_frame_loop *l, size_t cam, uint32_t seq, int64_t arrived_ns, int64_t now_ns);
+void bb_cameras_look(struct bb_frame_loop *l, const struct camera_read *r, int64_t now_ns);
+void bb_cameras_after(struct bb_frame_loop *l, size_t cam, enum bb_status status, int64_t now_ns);
 
 #endif

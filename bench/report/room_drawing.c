@@ -239,7 +239,8 @@ static double cone_length_m(const struct drawing *d)
 static void draw_cone(struct drawing *d, const struct view *v, const struct bb_camera_config *c)
 {
 	const bool tall = v->kind == SIDE;
-	const double half = (double)(tall ? c->height_px : c->width_px) / 2 / (tall ? c->fy_px : c->fx_px);
+	const double image = (double)(tall ? c->height_px : c->width_px) / 2 / (tall ? c->fy_px : c->fx_px);
+	const double half = c->lens == BB_LENS_FISHEYE ? tan(fmin(image, 1.5)) : image;
 	const double length = cone_length_m(d) * v->scale;
 	const struct pen_point tip = at(v, c->pose.p);
 	struct pen_point end[2];

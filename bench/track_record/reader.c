@@ -292,12 +292,12 @@ static enum bb_status read_head(struct bb_record_reader *r, struct bb_error *err
 static bool take_frame(struct bb_record_reader *r, char *rest, struct bb_record_item *item)
 {
 	struct bb_record_frame *f = &item->frame;
-	int64_t camera, seq, overflow, n;
+	int64_t camera, seq, overflow, given, n;
 
 	if (!whole(&rest, 0, (int64_t)r->head.n_cameras - 1, &camera) || !whole(&rest, 0, UINT32_MAX, &seq) ||
 	    !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->device_ns) || !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->arrived_ns) ||
 	    !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->mid_ns) || !whole(&rest, 0, 1, &overflow) ||
-	    !whole(&rest, 0, BB_CAMERA_BLOBS_MAX, &n))
+	    !whole(&rest, 0, 1, &given) || !whole(&rest, 0, BB_CAMERA_BLOBS_MAX, &n))
 		return false;
 	for (int64_t i = 0; i < n; i++) {
 		struct bb_blob *b = &r->blobs[i];
@@ -308,6 +308,7 @@ static bool take_frame(struct bb_record_reader *r, char *rest, struct bb_record_
 	f->camera = (uint16_t)camera;
 	f->seq = (uint32_t)seq;
 	f->overflow = overflow;
+	f->given = given;
 	f->n = (size_t)n;
 	f->blobs = r->blobs;
 	r->n_frames++;

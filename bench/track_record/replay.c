@@ -91,7 +91,7 @@ static void take(struct work *w, const struct bb_record_item *item)
 	case BB_RECORD_FRAME:
 		out->frames++;
 		out->blobs += item->frame.n;
-		if (w->tracker)
+		if (w->tracker && item->frame.given)
 			bb_tracker_frame(w->tracker, item->frame.camera, item->frame.mid_ns, item->frame.blobs, item->frame.n);
 		break;
 	case BB_RECORD_SOLVE:

@@ -46,8 +46,8 @@ struct room_camera_draft {
 	struct bb_camera_config camera;
 	const struct bb_yaml_node *at;
 	char ids[2 * BB_ID_MAX];
-	double rate_hz;
-	bool has_position, has_target;
+	double rate_hz, focal_px, centre_px[2]; /* focal_px 0: from fov_deg */
+	bool has_position, has_target, has_centre;
 	struct bb_vec3 position[2], target[2]; /* from, to: a row of cameras */
 };
 

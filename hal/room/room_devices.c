@@ -21,6 +21,16 @@ static struct room_build *build_of(struct bb_reader *r)
 	return bb_container_of(r, struct room_build, r);
 }
 
+static enum bb_status each(struct bb_reader *r, const struct bb_yaml_node *list,
+                           enum bb_status (*read)(struct room_build *, const struct bb_yaml_node *))
+{
+	enum bb_status status = bb_yaml_want(r, list, BB_YAML_LIST);
+
+	for (const struct bb_yaml_node *c = list->first; c && !status; c = c->next)
+		status = read(build_of(r), c);
+	return status;
+}
+
 /* --- shutters ----------------------------------------------------------------------------------------------------- */
 
 struct chain_draft {
@@ -137,209 +147,6 @@ enum bb_status room_read_shutters(struct bb_reader *r, const struct bb_yaml_node
 	room->chain = d.chain;
 	room->has_chain = true;
 	return BB_OK;
-}
-
-/* --- cameras ------------------------------------------------------------------------------------------------------ */
-
-#define C struct room_camera_draft
-
-const struct bb_option room_camera_options[] = {
-	TEXT("id", C, ids, true, "id, or a row of ids: c01..c08"),
-	TEXT("device", C, camera.device, false, "back end"),
-	F64("fov_deg", C, camera.fov_deg, 56, 5, 150, "horizontal, full angle"),
-	F64("k1", C, camera.k1, 0, -1, 1, "radial distortion, r^2"),
-	F64("k2", C, camera.k2, 0, -1, 1, "radial distortion, r^4"),
-	F64("rate_hz", C, rate_hz, 60, 1, 1000, "frames a second"),
-	{ "sync", BB_OPT_TYPE_ENUM, offsetof(C, camera.sync), 0, BB_SYNC_FREE, 0, 0, 1, "free|shutters|display", false,
-	  "where the rhythm of the exposures comes from" },
-	F64("sync_offset_us", C, camera.sync_offset_us, 0, 0, 100000, "exposure begins this long after its edge"),
-	F64("exposure_us", C, camera.exposure_us, 1000, 1, 100000, "strobe and exposure"),
-	F64("readout_us", C, camera.readout_us, 4000, 0, 100000, "end of exposure to end of read-out"),
-	F64("transfer_us", C, camera.transfer_us, 1000, 0, 100000, "end of read-out to arrival on the host"),
-	F64("transfer_jitter_us", C, camera.transfer_jitter_us, 100, 0, 100000, "simulated, sd"),
-	F64("noise_px", C, camera.noise_px, 0.05, 0, 10, "simulated error of a blob's centre, sd, each axis"),
-	BB_OPT_END
-};
-
-void room_camera_defaults(struct room_camera_draft *d)
-{
-	memset(d, 0, sizeof(*d));
-	bb_options_defaults(room_camera_options, d);
-}
-
-static enum bb_status read_ends(struct bb_reader *r, const struct bb_yaml_node *v, struct bb_vec3 ends[2])
-{
-	const struct bb_yaml_node *from = bb_yaml_get(v, "from"), *to = bb_yaml_get(v, "to");
-	enum bb_status status;
-
-	if (v->kind != BB_YAML_MAP) {
-		status = bb_yaml_vec3(r, v, BB_ROOM_SPAN_M, 1, &ends[0]);
-		ends[1] = ends[0];
-		return status;
-	}
-	if (!from || !to || v->n != 2)
-		return bb_yaml_fail(r, 1019, v, "wanted [x, y, z] or {from: [x, y, z], to: [x, y, z]}");
-	status = bb_yaml_vec3(r, from, BB_ROOM_SPAN_M, 1, &ends[0]);
-	return status ? status : bb_yaml_vec3(r, to, BB_ROOM_SPAN_M, 1, &ends[1]);
-}
-
-static enum bb_status read_position(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
-{
-	struct room_camera_draft *d = target;
-	return read_ends(r, v, d->position);
-}
-
-static enum bb_status read_target(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
-{
-	struct room_camera_draft *d = target;
-	return read_ends(r, v, d->target);
-}
-
-static enum bb_status read_camera_pixels(struct bb_reader *r, const struct bb_yaml_node *v, void *target)
-{
-	struct room_camera_draft *d = target;
-	return bb_yaml_pixels(r, v, &d->camera.width_px, &d->camera.height_px);
-}
-
-enum bb_status room_read_camera_default(struct bb_reader *r, const struct bb_yaml_node *value, void *target)
-{
-	static const struct bb_yaml_branch branches[] = { { "pixels", read_camera_pixels, false },
-		                                          { "look_at_m", read_target, false },
-		                                          { NULL, NULL, false } };
-	struct room_build *b = target;
-	const enum bb_status status = bb_yaml_walk(r, value, room_camera_options + 1, branches, &b->camera, BB_YAML_PARTIAL);
-
-	b->camera.has_target = !status && bb_yaml_get(value, "look_at_m");
-	return status;
-}
-
-/* Does distortion keep growing out to the picture's corner? Otherwise two rays share a pixel and none can be undone. */
-static bool lens_unfolds(const struct bb_camera_config *c)
-{
-	const double corner = hypot((double)c->width_px / 2 / c->fx_px, (double)c->height_px / 2 / c->fy_px);
-
-	for (int i = 0; i <= 4000; i++) {
-		const double r = corner * i / 1000, r2 = r * r;
-		if (r * (1 + c->k1 * r2 + c->k2 * r2 * r2) >= corner)
-			return true;
-		if (!(1 + 3 * c->k1 * r2 + 5 * c->k2 * r2 * r2 > 0.05))
-			return false;
-	}
-	return false;
-}
-
-/* Camera space is x right, y down, z forward: bb_pose_look_at's (y up, -z forward) turned by 180 degrees about x. */
-static struct bb_pose camera_pose(struct bb_vec3 position, struct bb_vec3 target)
-{
-	const struct bb_quat flip = { 1, 0, 0, 0 };
-	struct bb_pose pose = bb_pose_look_at(position, target, (struct bb_vec3){ 0, 1, 0 });
-
-	pose.q = bb_quat_unit(bb_quat_mul(pose.q, flip));
-	return pose;
-}
-
-static enum bb_status check_camera(struct room_build *b, const struct room_camera_draft *d,
-                                   const struct bb_camera_config *c)
-{
-	const struct bb_reader *r = &b->r;
-
-	if (c->exposure_us >= 1e6 / d->rate_hz)
-		return bb_yaml_fail(r, 1110, d->at, "'%s' exposes longer than its period of %.0f us", c->id, 1e6 / d->rate_hz);
-	if (c->sync == BB_SYNC_SHUTTERS && !b->room->has_chain)
-		return bb_yaml_fail(r, 1118, d->at, "'%s' follows shutters the room does not have", c->id);
-	if (!lens_unfolds(c))
-		return bb_yaml_fail(r, 1110, d->at, "'%s': the lens (k1 %g, k2 %g) folds the picture's corners back", c->id,
-		                    c->k1, c->k2);
-	for (size_t i = 0; i < b->room->n_cameras; i++)
-		if (!strcmp(b->room->cameras[i].id, c->id))
-			return bb_yaml_fail(r, 1105, d->at, "camera '%s'", c->id);
-	return BB_OK;
-}
-
-static enum bb_status add_camera(struct room_build *b, const struct room_camera_draft *d, const struct room_ids *ids,
-                                 unsigned i)
-{
-	const double t = ids->n > 1 ? (double)i / (ids->n - 1) : 0;
-	const struct bb_vec3 position = bb_vec3_lerp(d->position[0], d->position[1], t);
-	const struct bb_vec3 target = bb_vec3_lerp(d->target[0], d->target[1], t);
-	struct bb_camera_config c = d->camera;
-	enum bb_status status;
-
-	room_ids_at(ids, i, c.id);
-	if (bb_vec3_norm(bb_vec3_sub(target, position)) < 1e-3)
-		return bb_yaml_fail(&b->r, 1110, d->at, "'%s' looks at itself", c.id);
-	c.pose = camera_pose(position, target);
-	c.rate = room_rate(d->rate_hz);
-	c.fx_px = c.fy_px = (double)c.width_px / 2 / tan(c.fov_deg / 2 * RAD_PER_DEG);
-	/* pixel (0, 0) is a pixel's centre, so the middle of the picture lies half a pixel before width / 2 */
-	c.cx_px = ((double)c.width_px - 1) / 2;
-	c.cy_px = ((double)c.height_px - 1) / 2;
-	status = check_camera(b, d, &c);
-	if (!status)
-		b->room->cameras[b->room->n_cameras++] = c;
-	return status;
-}
-
-static enum bb_status read_camera(struct room_build *b, const struct bb_yaml_node *entry)
-{
-	const struct bb_yaml_branch branches[] = { { "pixels", read_camera_pixels, b->camera.camera.width_px == 0 },
-		                                   { "position_m", read_position, true },
-		                                   { "look_at_m", read_target, !b->camera.has_target },
-		                                   { NULL, NULL, false } };
-	struct room_camera_draft d = b->camera;
-	struct room_ids ids = { .n = 0 };
-	struct bb_room *room = b->room;
-	enum bb_status status;
-
-	d.at = entry;
-	status = bb_yaml_walk(&b->r, entry, room_camera_options, branches, &d, 0);
-	if (!status)
-		status = room_ids_parse(&b->r, entry, d.ids, &ids);
-	if (!status)
-		status = room_check_device(b, entry, d.camera.device);
-	if (!status)
-		status = room_grow(b, entry, &room->cameras, sizeof(*room->cameras), room->n_cameras, ids.n,
-		                   BB_ROOM_CAMERAS_MAX, "cameras");
-	for (unsigned i = 0; !status && i < ids.n; i++)
-		status = add_camera(b, &d, &ids, i);
-	return status;
-}
-
-static enum bb_status each(struct bb_reader *r, const struct bb_yaml_node *list,
-                           enum bb_status (*read)(struct room_build *, const struct bb_yaml_node *))
-{
-	enum bb_status status = bb_yaml_want(r, list, BB_YAML_LIST);
-
-	for (const struct bb_yaml_node *c = list->first; c && !status; c = c->next)
-		status = read(build_of(r), c);
-	return status;
-}
-
-enum bb_status room_read_cameras(struct bb_reader *r, const struct bb_yaml_node *value, void *target)
-{
-	(void)target;
-	return each(r, value, read_camera);
-}
-
-bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p)
-{
-	const struct bb_vec3 c = bb_pose_inverse_apply(&camera->pose, p);
-	double x, y, r2, grow;
-
-	if (!(c.z > 0.05))
-		return false;
-	x = c.x / c.z;
-	y = c.y / c.z;
-	r2 = x * x + y * y;
-	/* Beyond the picture's corner a distortion may fold back: what leaves the undistorted cone by far is not seen. */
-	if (r2 > 4 * (pow((double)camera->width_px / camera->fx_px, 2) + pow((double)camera->height_px / camera->fy_px, 2)))
-		return false;
-	grow = 1 + camera->k1 * r2 + camera->k2 * r2 * r2;
-	if (1 + 3 * camera->k1 * r2 + 5 * camera->k2 * r2 * r2 <= 0)
-		return false;
-	x = camera->cx_px + camera->fx_px * x * grow;
-	y = camera->cy_px + camera->fy_px * y * grow;
-	return x >= 0 && y >= 0 && x <= (double)(camera->width_px - 1) && y <= (double)(camera->height_px - 1);
 }
 
 /* --- monitors ----------------------------------------------------------------------------------------------------- */

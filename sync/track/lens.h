@@ -1,8 +1,8 @@
 /*
  * sync/track/lens.h: one calibrated camera: room point to pixel with derivatives, pixel to ray.
  *
- * Camera space and distortion as in hal/camera.h. The distortion polynomial is trusted only up to the radius where it
- * stops growing: beyond, two rays share one pixel. Pure after bb_lens_init.
+ * Camera space and distortion as in hal/camera.h. A distortion is trusted only up to the radius where it stops growing
+ * in every direction: beyond, two rays share one pixel. Pure after bb_lens_init.
  */
 #ifndef BB_SYNC_TRACK_LENS_H
 #define BB_SYNC_TRACK_LENS_H
@@ -13,8 +13,10 @@ struct bb_lens {
 	double r[3][3]; /* rows are the camera's axes: p_camera = r (p_room - o) */
 	struct bb_vec3 o;
 	double fx_px, fy_px, cx_px, cy_px, width_px, height_px;
-	double k1, k2;
-	double radius_max, distorted_max; /* normalised radii where the polynomial stops growing */
+	bool fisheye;
+	double k[4], p1, p2;
+	double radius_max;    /* of X / Z, Y / Z: trusted up to here */
+	double distorted_max; /* what the radial part makes of it */
 };
 
 struct bb_ray {
