@@ -204,15 +204,13 @@ struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *l)
 
 static enum bb_status create_tracker(struct bb_frame_loop *l)
 {
-	const struct bb_room *room = l->room;
-
-	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
+	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !l->room->n_cameras || !l->room->n_bodies)
 		return BB_OK;
 	const struct bb_tracker_config c = bb_loop_tracker_config(l);
-	l->pose_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
-	const struct bb_drift_config drift = { .cameras = room->cameras, .n_cameras = room->n_cameras,
-		                               .noise_px = c.blob_sigma_px, .hold_ns = DRIFT_HOLD_NS };
+	const struct bb_drift_config drift = { .cameras = c.cameras, .n_cameras = c.n_cameras, .noise_px = c.blob_sigma_px,
+		                               .hold_ns = DRIFT_HOLD_NS };
 	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	l->pose_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
 	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 

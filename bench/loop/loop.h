@@ -199,12 +199,12 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
-	struct bb_outlets *outlets;       /* bench/loop/outlets.h; NULL: nobody listens and nothing is recorded */
 	struct bb_drift *drift;           /* with it */
 	struct bb_steady steady;
 	size_t pose_slot;                 /* "tracker/<body>" */
 	int64_t pose_ns;                  /* of the newest solution */
 	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
+	struct bb_outlets *outlets;       /* bench/loop/outlets.h; NULL: nobody listens and nothing is recorded */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
