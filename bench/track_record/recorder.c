@@ -26,7 +26,7 @@ void bb_record_word(char out[BB_ID_MAX], const char *text)
 {
 	size_t n = 0;
 
-	for (; text[n] && n < BB_ID_MAX - 1; n++)
+	for (; n < BB_ID_MAX - 1 && text[n]; n++)
 		out[n] = text[n] > ' ' && text[n] < 127 ? text[n] : '_';
 	if (!n)
 		out[n++] = '_';
