@@ -103,6 +103,76 @@ check "no such address" ends 2 "$program" track serve rooms/cabin.yaml --bind lo
 check "a protocol nobody knows" ends 2 "$program" track serve rooms/cabin.yaml --stream opentrack --for 1
 check "no room" ends 2 "$program" track serve --for 1
 
+# Multicast, kept on the loopback interface: frames go to the group, and to nobody else.
+serve rooms/cabin.yaml --multicast 127.0.0.1
+python3 - "$natnet" >"$work/group" 2>&1 <<END
+import socket, struct, sys
+g = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+g.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+g.bind(("239.255.42.99", 1511))
+g.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton("239.255.42.99") + socket.inet_aton("127.0.0.1"))
+g.settimeout(3)
+u = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+u.settimeout(3)
+u.sendto(bytes(4), ("127.0.0.1", int(sys.argv[1])))
+info = u.recv(65535)
+assert info[:2] == b"\1\0" and struct.unpack_from("<HB4B", info, 4 + 272) == (1511, 1, 239, 255, 42, 99), info
+assert all(g.recv(65535)[:2] == b"\7\0" for i in range(20))
+u.settimeout(0.1)
+try:
+    print("a frame to one:", u.recv(65535)[:4])
+except socket.timeout:
+    pass
+END
+check "multicast, on loopback" sh -c "[ ! -s '$work/group' ] || { cat '$work/group'; false; }"
+stop
+
+# Another address, in a network of its own where there is nobody else: only who is named is heard.
+cat >"$work/alone.sh" <<END
+ip link set lo up
+for n in 1 2 3; do ip address add 10.9.9.\$n/32 dev lo; done
+$program track serve rooms/cabin.yaml --bind 10.9.9.1 --allow 10.9.9.2 --for 2 >"$work/alone.out" 2>"$work/alone.err" &
+python3 - <<PY
+import socket, time
+def asks(me):
+    u = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    u.bind((me, 0))
+    u.settimeout(0.5)
+    for i in range(10):
+        u.sendto(bytes(4), ("10.9.9.1", 1510))
+        try:
+            return u.recv(65535)[:2] == b"\\1\\0"
+        except OSError:
+            pass
+    return False
+def calls(me):
+    try:
+        t = socket.create_connection(("10.9.9.1", 3883), 2, (me, 0))
+        t.settimeout(0.5)
+        return t.recv(24)[:4] == b"vrpn"
+    except OSError:
+        return False
+time.sleep(0.2)
+print(asks("10.9.9.2"), calls("10.9.9.2"), calls("10.9.9.3"), flush=True)
+u = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+u.bind(("10.9.9.3", 0))
+u.settimeout(0.3)
+u.sendto(bytes(4), ("10.9.9.1", 1510))
+try:
+    print("heard", u.recv(100))
+except OSError:
+    print("unheard")
+PY
+wait
+END
+if unshare -rn true 2>/dev/null && command -v ip >/dev/null; then
+	unshare -rn sh "$work/alone.sh" >"$work/alone" 2>&1
+	check "who is named is heard, others are not" sh -c "tr -d '\n' <'$work/alone' | grep -q '^True True False unheard$' || { cat '$work/alone' '$work/alone.err'; false; }"
+	check "... and counted" grep -q 'NatNet: .* 1 heard, 1 refused.* 1 refused$' "$work/alone.err"
+else
+	echo "SKIP: no network namespaces here: --allow was not tried"
+fi
+
 # A run that streams and records; then the recording is served, and tracked again.
 cat >"$work/tracked.yaml" <<END
 scene: tracked
