@@ -93,6 +93,8 @@ size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec
 		const struct bb_body *body = &w->room->bodies[b];
 		const struct bb_pose pose = sim_world_body(w, b, at_ns);
 		for (size_t i = 0; i < body->n_markers && n < cap; i++) {
+			if (b == 1 && w->viewer.gripped[i])
+				continue;
 			const double off_m = b ? 0 : (double)w->viewer.loose_nm[i] * 1e-9;
 			const struct bb_vec3 at = bb_vec3_add(body->marker[i], bb_vec3_scale(loose, off_m));
 			out[n++] = bb_pose_apply(&pose, at);

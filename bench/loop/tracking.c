@@ -107,6 +107,7 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		f->cameras = solutions[i].n_cameras;
 		f->solved_sigma_mm = solutions[i].position_sigma_mm;
 	}
+	bb_labels_look(l, l->reads, n_reads, n ? &solutions[(n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX) - 1] : NULL, now_ns);
 	for (size_t i = 0; i < n_reads; i++)
 		bb_cameras_look(l, &l->reads[i], now_ns);
 	f->solved_ns = bb_clock_now_ns(l->clk);
