@@ -187,7 +187,7 @@ run="$program run rooms/cabin.yaml $work/tracked.yaml --quiet --out $work/result
 $run --clock posix --gl cpu --no-pictures --stream natnet:0,vrpn:0 --record "$work/posix.bbtrack.zst" 2>"$work/run.err" >&2 &
 pid=$!
 for i in $(seq 100); do
-	grep -q '^VRPN: wand' "$work/run.err" && break
+	grep -q '^VRPN: wand' "$work/run.err" 2>/dev/null && break
 	sleep 0.05
 done
 client n natnet "$(sed -n 's/^NatNet.*command port \([0-9]*\).*/\1/p' "$work/run.err")" 0.8
@@ -204,6 +204,9 @@ check "... the same, of both bodies" is out "r['same'] and r['poses_same'] > 400
 check "... as a table" sh -c "head -1 '$work/a.csv' | grep -q 'at_ns,x_m.*position_sigma_mm' && grep -q wand '$work/a.csv'"
 check "compressed and not, the same" sh -c "'$program' track replay '$work/b.bbtrack.zst' --csv '$work/b.csv' >/dev/null && cmp '$work/a.csv' '$work/b.csv'"
 check "speed" sh -c "'$program' track replay '$work/a.bbtrack' --speed 10 >/dev/null"
+$run --duration 6 --fault "at 1.0s camera/c3 bump deg=1" --record "$work/k.bbtrack"
+check "a camera is knocked and set aside" sh -c "grep -c '^f 2 [0-9]* [0-9-]* [0-9]* [0-9]* 0 0 ' '$work/k.bbtrack' | grep -q '...'"
+check "... tracked again, the same" ends 0 "$program" track replay "$work/k.bbtrack" --room rooms/cabin.yaml
 awk '$1 == "f" && $9 > 0 && ++n == 900 { $10 += 2 } 1' "$work/a.bbtrack" >"$work/moved.bbtrack"
 check "a blob elsewhere is another pose" ends 1 "$program" track replay "$work/moved.bbtrack" --room rooms/cabin.yaml
 check "... with its number" says BB1765
