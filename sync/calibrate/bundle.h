@@ -29,6 +29,7 @@ struct bb_bundle_obs {
 	uint8_t marker;
 	bool out;           /* not used */
 	double px[2];
+	uint32_t source;    /* the caller's: which blob of which picture */
 	float off_px[2];    /* out, of bb_bundle_residuals: observed minus projected; NAN when it cannot be projected */
 };
 
