@@ -206,8 +206,8 @@ static void set_stage(struct stage *s)
 	const struct bb_vec3 min = room->min, max = room->max;
 
 	/* as far as a hand reaches, half a metre off the walls; in a large room not into its corners, but well out */
-	s->centre = (struct bb_vec3){ (min.x + max.x) / 2, 1.25, (min.z + max.z) / 2 };
-	s->reach = (struct bb_vec3){ fmax(0.4, (max.x - min.x) / 2 - 0.5), 0.75, fmax(0.4, (max.z - min.z) / 2 - 0.5) };
+	s->centre = (struct bb_vec3){ (min.x + max.x) / 2, 1.15, (min.z + max.z) / 2 };
+	s->reach = (struct bb_vec3){ fmax(0.4, (max.x - min.x) / 2 - 0.5), 0.9, fmax(0.4, (max.z - min.z) / 2 - 0.5) };
 	for (size_t i = 0; i < s->out->n_cameras; i++) {
 		s->before[i] = s->out->truth[i] = hung(&s->rng, &room->cameras[i]);
 		if ((int)i == s->config->knocked)

@@ -12,13 +12,13 @@
 #include "sync/calibrate/bundle.h"
 #include "sync/calibrate/sequence.h"
 
-#define BB_CALIBRATE_RODS 1500
+#define BB_CALIBRATE_RODS 4000
 
 struct bb_calibrate_config {
 	const struct bb_camera_config *cameras; /* borrowed: as planned, in the sequence's order */
 	size_t n_cameras;
 	const struct bb_sequence *sequence;     /* borrowed */
-	size_t rods_most;                       /* 0: 64 a camera, BB_CALIBRATE_RODS at most */
+	size_t rods_most;                       /* 0: 200 a camera, BB_CALIBRATE_RODS at most */
 };
 
 struct bb_calibrate_camera {

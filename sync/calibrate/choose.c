@@ -7,7 +7,7 @@
 #include "sync/calibrate/label.h"
 #include "sync/track/triangulate.h"
 
-#define RODS_PER_CAMERA 64
+#define RODS_PER_CAMERA 200
 #define LEAST_ANGLE_RAD 0.05
 
 struct marked { /* a wand in a picture */

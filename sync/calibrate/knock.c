@@ -9,7 +9,7 @@
 #define LEAST_IN_BIN 9
 #define LEAST_BINS 2     /* on either side */
 #define LEAST_SIGMAS 2.5 /* a smaller jump does no harm */
-#define CLEAR 4.0        /* times what the medians of either side differ among themselves */
+#define CLEAR 1.5        /* times what the spans of either side differ among themselves, in the middle */
 
 static int ascending(const void *a, const void *b)
 {
@@ -67,34 +67,38 @@ static double middle(const double *v, size_t n)
 	return bb_median(copy, n);
 }
 
-/* Median distance of a side's bins from that side's middle. */
-static double spread(const double *x, const double *y, size_t n)
+/* Distances of a side's spans from that side's middle: their sum, and the median of them. */
+static double spread(const double *x, const double *y, size_t n, double *typical)
 {
 	const double mx = middle(x, n), my = middle(y, n);
-	double far[BINS];
+	double far[BINS], sum = 0;
 
-	for (size_t i = 0; i < n; i++)
+	for (size_t i = 0; i < n; i++) {
 		far[i] = hypot(x[i] - mx, y[i] - my);
-	return bb_median(far, n);
+		sum += far[i];
+	}
+	*typical = bb_median(far, n);
+	return sum;
 }
 
-/* The split of the bins with the clearest jump; its clearness, 0: none. */
-static double clearest(const struct bins *b, double sigma_px, size_t *split, double jump[2])
+/* Splits the spans where either side is nearest to its own middle, in sum (the wands that few cameras saw follow a knocked
+ * one, so that a square would listen to the wrong ones); is the jump between them clear? */
+static bool jumps(const struct bins *b, double sigma_px, size_t *split, double jump[2])
 {
-	double best = 0;
+	double least = (double)INFINITY, within = 0;
 
 	for (size_t k = LEAST_BINS; k + LEAST_BINS <= b->n; k++) {
-		const double dx = middle(b->x + k, b->n - k) - middle(b->x, k), dy = middle(b->y + k, b->n - k) - middle(b->y, k);
-		const double within = spread(b->x, b->y, k) + spread(b->x + k, b->y + k, b->n - k);
-		const double clear = hypot(dx, dy) / (within + 0.25 * sigma_px);
-		if (hypot(dx, dy) > LEAST_SIGMAS * sigma_px && clear > CLEAR && clear > best) {
-			best = clear;
-			*split = k;
-			jump[0] = dx;
-			jump[1] = dy;
-		}
+		double before, after;
+		const double sum = spread(b->x, b->y, k, &before) + spread(b->x + k, b->y + k, b->n - k, &after);
+		if (sum >= least)
+			continue;
+		least = sum;
+		within = before + after;
+		*split = k;
+		jump[0] = middle(b->x + k, b->n - k) - middle(b->x, k);
+		jump[1] = middle(b->y + k, b->n - k) - middle(b->y, k);
 	}
-	return best;
+	return isfinite(least) && hypot(jump[0], jump[1]) > fmax(LEAST_SIGMAS * sigma_px, CLEAR * within);
 }
 
 /* The time that parts what lies nearer to one side's middle from what lies nearer to the other's best. */
@@ -135,9 +139,8 @@ bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px)
 		if (c->report[i].knocked)
 			continue;
 		fill_bins(c, i, scratch, &bins);
-		const double clear = clearest(&bins, sigma_px, &split, jump);
 		/* what the knocked camera does to the others is clear, too, but smaller */
-		if (clear > 0 && hypot(jump[0], jump[1]) > best) {
+		if (jumps(&bins, sigma_px, &split, jump) && hypot(jump[0], jump[1]) > best) {
 			best = hypot(jump[0], jump[1]);
 			worst = i;
 			found = c->report[i];

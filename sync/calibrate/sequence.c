@@ -122,7 +122,7 @@ const char *bb_sequence_line(const char *text, size_t n, struct bb_sequence_line
 void bb_sequence_defaults(struct bb_sequence *s)
 {
 	static const double along_m[3] = { 0, 0.15, 0.4 };
-	static const struct bb_vec3 square[4] = { { 0, 0, 0 }, { 0.2, 0, 0 }, { 0, 0, -0.12 }, { 0, 0, -0.3 } };
+	static const struct bb_vec3 square[4] = { { 0, 0, 0 }, { 0.3, 0, 0 }, { 0, 0, -0.16 }, { 0, 0, -0.4 } };
 
 	memset(s, 0, sizeof(*s));
 	memcpy(s->along_m, along_m, sizeof(along_m));

@@ -3,7 +3,7 @@
  *
  *	# blackburst wand 1
  *	wand_mm 0 150 400                              three markers on a rod, where along it
- *	square_mm 0 0 0  200 0 0  0 0 -120  0 0 -300   corner, end of the short arm, middle and end of the long arm: in the room
+ *	square_mm 0 0 0  300 0 0  0 0 -160  0 0 -400   corner, end of the short arm, middle and end of the long arm: in the room
  *	camera c1                                      one line each
  *	part square                                    what follows shows the square lying still
  *	0.000000 c1 312.441 208.170 340.002 ...        seconds, camera, x and y of every blob (px); of all cameras together
