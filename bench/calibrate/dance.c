@@ -10,7 +10,7 @@
 #include "sim/world.h"
 
 #define TAU 6.283185307179586
-#define SQUARE_S 2.0
+#define SQUARE_S 10.0
 #define DANCER_M 0.22 /* radius */
 #define DANCER_HIGH_M 1.75
 #define STRAY_SHARE 0.1 /* of the pictures have a blob that is nothing */

@@ -28,7 +28,7 @@ struct bb_calibrate_camera {
 	double covered;        /* share of 8 x 6 parts of its picture that a used marker lies in */
 	bool knocked, in_square; /* in_square: its pictures of the square count */
 	int64_t knocked_ns;    /* on the sequence's clock */
-	double knock_px[2];    /* by how much its picture moved */
+	double knock_px;       /* by how much its picture moved, about */
 };
 
 struct bb_calibration { /* owns what it points to */

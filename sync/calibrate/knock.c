@@ -1,13 +1,12 @@
-/* sync/calibrate/knock.c: cameras that moved while the wand was danced: what is left over jumps at one time, all over their
- * picture. */
+/* sync/calibrate/knock.c: cameras that moved while the wand was danced: what is left over jumps at one time. */
 #include <math.h>
 #include <stdlib.h>
 
 #include "sync/calibrate/calibrate_private.h"
 
-#define BINS 24
-#define LEAST_IN_BIN 9
-#define LEAST_BINS 2     /* on either side */
+#define SPANS 24
+#define LEAST_IN_SPAN 9
+#define LEAST_SPANS 2    /* on either side */
 #define LEAST_SIGMAS 2.5 /* a smaller jump does no harm */
 #define CLEAR 1.5        /* times what the spans of either side differ among themselves, in the middle */
 
@@ -23,10 +22,17 @@ double bb_median(double *values, size_t n)
 	return n % 2 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 
-struct bins { /* of one camera: medians over spans of time */
+/*
+ * What is looked at: where to a camera's markers are off, which is clear when it was turned and the adjustment found a place
+ * between; and how far, which is clear when it was rolled or shifted, and the adjustment took one side for outliers.
+ */
+enum look { WHERE_TO, HOW_FAR };
+
+struct spans { /* of one camera: medians over spans of time */
+	enum look look;
 	size_t n;
-	double x[BINS], y[BINS];
-	int64_t from_ns[BINS];
+	double x[SPANS], y[SPANS]; /* y is 0 of HOW_FAR */
+	int64_t from_ns[SPANS];
 };
 
 static bool usable(const struct bb_bundle_obs *o, size_t camera)
@@ -34,33 +40,44 @@ static bool usable(const struct bb_bundle_obs *o, size_t camera)
 	return o->camera == camera && isfinite(o->off_px[0]);
 }
 
-static void fill_bins(const struct bb_calibration *c, size_t camera, double *scratch, struct bins *out)
+static double part(const struct bb_bundle_obs *o, enum look look, int axis)
+{
+	if (look == WHERE_TO)
+		return (double)o->off_px[axis];
+	return axis ? 0 : hypot((double)o->off_px[0], (double)o->off_px[1]);
+}
+
+static void fill(const struct bb_calibration *c, size_t camera, enum look look, double *scratch, struct spans *out)
 {
 	const struct bb_bundle *b = &c->bundle;
 	size_t at = 0;
 
+	out->look = look;
 	out->n = 0;
-	for (size_t k = 0; k < BINS; k++) {
-		const size_t to_rod = (k + 1) * b->n_rods / BINS, from = at;
+	for (size_t k = 0; k < SPANS; k++) {
+		const size_t to_rod = (k + 1) * b->n_rods / SPANS, from = at;
+		double middle[2];
+		while (at < b->n_obs && b->obs[at].rod < to_rod)
+			at++;
 		size_t n = 0;
-		for (; at < b->n_obs && b->obs[at].rod < to_rod; at++)
-			if (usable(&b->obs[at], camera))
-				scratch[n++] = (double)b->obs[at].off_px[0];
-		if (n < LEAST_IN_BIN)
+		for (int axis = 0; axis < 2; axis++) {
+			n = 0;
+			for (size_t i = from; i < at; i++)
+				if (usable(&b->obs[i], camera))
+					scratch[n++] = part(&b->obs[i], look, axis);
+			middle[axis] = n ? bb_median(scratch, n) : 0;
+		}
+		if (n < LEAST_IN_SPAN)
 			continue;
-		out->x[out->n] = bb_median(scratch, n);
-		n = 0;
-		for (size_t i = from; i < at; i++)
-			if (usable(&b->obs[i], camera))
-				scratch[n++] = (double)b->obs[i].off_px[1];
-		out->y[out->n] = bb_median(scratch, n);
+		out->x[out->n] = middle[0];
+		out->y[out->n] = middle[1];
 		out->from_ns[out->n++] = c->rod_ns[b->obs[from].rod];
 	}
 }
 
 static double middle(const double *v, size_t n)
 {
-	double copy[BINS];
+	double copy[SPANS];
 
 	for (size_t i = 0; i < n; i++)
 		copy[i] = v[i];
@@ -71,7 +88,7 @@ static double middle(const double *v, size_t n)
 static double spread(const double *x, const double *y, size_t n, double *typical)
 {
 	const double mx = middle(x, n), my = middle(y, n);
-	double far[BINS], sum = 0;
+	double far[SPANS], sum = 0;
 
 	for (size_t i = 0; i < n; i++) {
 		far[i] = hypot(x[i] - mx, y[i] - my);
@@ -82,41 +99,40 @@ static double spread(const double *x, const double *y, size_t n, double *typical
 }
 
 /* Splits the spans where either side is nearest to its own middle, in sum (the wands that few cameras saw follow a knocked
- * one, so that a square would listen to the wrong ones); is the jump between them clear? */
-static bool jumps(const struct bins *b, double sigma_px, size_t *split, double jump[2])
+ * one, so that squares would listen to the wrong ones); is the jump between them clear? */
+static bool jumps(const struct spans *s, double sigma_px, size_t *split, double jump[2])
 {
 	double least = (double)INFINITY, within = 0;
 
-	for (size_t k = LEAST_BINS; k + LEAST_BINS <= b->n; k++) {
+	for (size_t k = LEAST_SPANS; k + LEAST_SPANS <= s->n; k++) {
 		double before, after;
-		const double sum = spread(b->x, b->y, k, &before) + spread(b->x + k, b->y + k, b->n - k, &after);
+		const double sum = spread(s->x, s->y, k, &before) + spread(s->x + k, s->y + k, s->n - k, &after);
 		if (sum >= least)
 			continue;
 		least = sum;
 		within = before + after;
 		*split = k;
-		jump[0] = middle(b->x + k, b->n - k) - middle(b->x, k);
-		jump[1] = middle(b->y + k, b->n - k) - middle(b->y, k);
+		jump[0] = middle(s->x + k, s->n - k) - middle(s->x, k);
+		jump[1] = middle(s->y + k, s->n - k) - middle(s->y, k);
 	}
 	return isfinite(least) && hypot(jump[0], jump[1]) > fmax(LEAST_SIGMAS * sigma_px, CLEAR * within);
 }
 
 /* The time that parts what lies nearer to one side's middle from what lies nearer to the other's best. */
-static int64_t when(const struct bb_calibration *c, size_t camera, const struct bins *bins, size_t split)
+static int64_t when(const struct bb_calibration *c, size_t camera, const struct spans *s, size_t split)
 {
 	const struct bb_bundle *b = &c->bundle;
-	const double ax = middle(bins->x, split), ay = middle(bins->y, split);
-	const double bx = middle(bins->x + split, bins->n - split), by = middle(bins->y + split, bins->n - split);
-	int64_t best_ns = bins->from_ns[split];
+	const double ax = middle(s->x, split), ay = middle(s->y, split);
+	const double bx = middle(s->x + split, s->n - split), by = middle(s->y + split, s->n - split);
+	int64_t best_ns = s->from_ns[split];
 	int score = 0, best = -1;
 
 	for (size_t i = 0; i < b->n_obs; i++) {
 		const struct bb_bundle_obs *o = &b->obs[i];
 		const int64_t t_ns = c->rod_ns[o->rod];
-		if (!usable(o, camera) || t_ns < bins->from_ns[split - 1] ||
-		    (split + 1 < bins->n && t_ns >= bins->from_ns[split + 1]))
+		if (!usable(o, camera) || t_ns < s->from_ns[split - 1] || (split + 1 < s->n && t_ns >= s->from_ns[split + 1]))
 			continue;
-		const double x = (double)o->off_px[0], y = (double)o->off_px[1];
+		const double x = part(o, s->look, 0), y = part(o, s->look, 1);
 		score += hypot(x - ax, y - ay) < hypot(x - bx, y - by) ? 1 : -1;
 		if (score > best) {
 			best = score;
@@ -129,30 +145,30 @@ static int64_t when(const struct bb_calibration *c, size_t camera, const struct 
 bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px)
 {
 	double *scratch = malloc((c->bundle.n_obs + 1) * sizeof(*scratch)), best = 0;
-	size_t worst = 0;
-	struct bb_calibrate_camera found = { .knocked = false };
+	size_t worst = c->n_cameras;
+	struct bb_calibrate_camera found = { .knocked = true };
 
-	for (size_t i = 0; scratch && i < c->n_cameras; i++) {
-		struct bins bins;
+	for (size_t k = 0; scratch && k < 2 * c->n_cameras; k++) {
+		const size_t camera = k / 2;
+		struct spans s;
 		double jump[2] = { 0, 0 };
 		size_t split = 0;
-		if (c->report[i].knocked)
+		if (c->report[camera].knocked)
 			continue;
-		fill_bins(c, i, scratch, &bins);
-		/* what the knocked camera does to the others is clear, too, but smaller */
-		if (jumps(&bins, sigma_px, &split, jump) && hypot(jump[0], jump[1]) > best) {
-			best = hypot(jump[0], jump[1]);
-			worst = i;
-			found = c->report[i];
-			found.knocked = true;
-			found.knocked_ns = when(c, i, &bins, split);
-			found.knock_px[0] = jump[0];
-			found.knock_px[1] = jump[1];
-		}
+		fill(c, camera, k % 2 ? HOW_FAR : WHERE_TO, scratch, &s);
+		/* what the knocked camera does to the others may be clear, too, but is smaller */
+		if (!jumps(&s, sigma_px, &split, jump) || hypot(jump[0], jump[1]) <= best)
+			continue;
+		best = hypot(jump[0], jump[1]);
+		worst = camera;
+		found.knocked_ns = when(c, camera, &s, split);
+		found.knock_px = best;
 	}
 	free(scratch);
-	if (!found.knocked)
+	if (worst == c->n_cameras)
 		return false;
-	c->report[worst] = found;
+	c->report[worst].knocked = true;
+	c->report[worst].knocked_ns = found.knocked_ns;
+	c->report[worst].knock_px = found.knock_px;
 	return true;
 }
