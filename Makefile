@@ -68,11 +68,13 @@ ifeq ($(shell uname -m),x86_64)
 $B/render/cpu/layer_kernel_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
+$B/sync/blobs/scan_avx2.o: ALL_CFLAGS += -mavx2
+$B/sync/blobs/scan_avx512.o: ALL_CFLAGS += -mavx512bw
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
 # Their short loops must be unrolled, or vectors live in memory; those of the builder are worth a tenth of a build.
 $B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o \
-$B/render/bricks/build_emit.o $B/render/bricks/build_slab.o: ALL_CFLAGS += -O3
+$B/render/bricks/build_emit.o $B/render/bricks/build_slab.o $B/sim/camera/picture.o: ALL_CFLAGS += -O3
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a
@@ -126,7 +128,7 @@ $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburs
 # Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
 FUZZ_SRC := $(filter hal/% drivers/% sim/% sync/optics/recorded.c sync/lock_proof.c sync/framelock/message.c \
-            bench/phase/edges.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
+            bench/phase/edges.c bench/track_record/reader.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
             tree.c stats.c values.c crc32c.c),$(SRC))
 FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
             drivers/monitor_ddc.c sim/peer_shutter.c

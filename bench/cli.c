@@ -283,6 +283,17 @@ enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double 
 	return BB_OK;
 }
 
+enum bb_status bb_cli_whole(const struct bb_cli *cli, const char *name, double fallback, double least, double most,
+                            double *out, struct bb_error *err)
+{
+	const enum bb_status status = bb_cli_number(cli, name, fallback, least, most, out, err);
+
+	if (status != BB_OK || !bb_cli_has(cli, name) || !(*out > trunc(*out) || *out < trunc(*out)))
+		return status;
+	*out = fallback;
+	return bb_fail(err, BB_ERR_USAGE, 1704, NULL, "--%s %.40s is no whole number", name, bb_cli_get(cli, name, ""));
+}
+
 bool bb_cli_numbers(const char *text, char sign, double *out, int n)
 {
 	for (int i = 0; i < n; i++) {

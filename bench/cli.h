@@ -42,6 +42,9 @@ const char *bb_cli_get(const struct bb_cli *cli, const char *name, const char *f
 const char *bb_cli_nth(const struct bb_cli *cli, const char *name, int i);
 BB_MUST_CHECK enum bb_status bb_cli_number(const struct bb_cli *cli, const char *name, double fallback, double least,
                                            double most, double *out, struct bb_error *err);
+/* The same, and a whole number. */
+BB_MUST_CHECK enum bb_status bb_cli_whole(const struct bb_cli *cli, const char *name, double fallback, double least,
+                                          double most, double *out, struct bb_error *err);
 /* n numbers with a sign between them, "0.5:2", and nothing else; false otherwise. */
 bool bb_cli_numbers(const char *text, char sign, double *out, int n);
 bool bb_cli_whole_numbers(const char *text, char sign, uint32_t *out, int n); /* "64x64x32" */
@@ -63,8 +66,10 @@ const char *bb_revision(void);
 
 /* Every command: one file bench/cmd/<name>.c each, listed in bench/main.c. */
 extern const struct bb_command bb_cmd_run, bb_cmd_node, bb_cmd_room_check, bb_cmd_room_draw, bb_cmd_devices,
-	bb_cmd_doctor, bb_cmd_bench, bb_cmd_bench_barrier, bb_cmd_compare, bb_cmd_trade, bb_cmd_serve,
+	bb_cmd_doctor, bb_cmd_bench, bb_cmd_bench_barrier, bb_cmd_bench_blobs, bb_cmd_compare, bb_cmd_trade, bb_cmd_serve,
 	bb_cmd_volume_generate, bb_cmd_volume_build, bb_cmd_volume_info, bb_cmd_volume_verify, bb_cmd_volume_speed,
-	bb_cmd_volume_tables, bb_cmd_volume_select, bb_cmd_phase, bb_cmd_phase_measure, bb_cmd_phase_sense;
+	bb_cmd_volume_tables, bb_cmd_volume_select, bb_cmd_phase, bb_cmd_phase_measure, bb_cmd_phase_sense,
+	bb_cmd_track_coverage, bb_cmd_track_place,
+	bb_cmd_track_replay, bb_cmd_track_import, bb_cmd_track_serve;
 
 #endif

@@ -55,6 +55,7 @@ struct bb_sample { /* one value of one metric */
 	uint16_t stage;           /* the stage that spent most; BB_STAGE_COUNT: none */
 };
 
+#define BB_LINKS 14
 struct bb_frame_row { /* a line of frames.csv; NAN is written as NA */
 	uint64_t frame;
 	int64_t start_ns;
@@ -64,6 +65,11 @@ struct bb_frame_row { /* a line of frames.csv; NAN is written as NA */
 	uint64_t bytes, deficit;  /* deficit: leaf cells coarser than planned, all nodes */
 	double upload_ms;         /* spent on bricks by the node that spent most */
 	unsigned flags;           /* enum bb_frame_flags */
+	double unpredicted_mm, photon_error_deg, unpredicted_deg; /* of the eyes at the photon; unpredicted: the newest
+	                                                             solution's pose as it stands */
+	double horizon_ms, pose_sigma_mm, solved_sigma_mm; /* predicted so far; of the pose the pictures used; of the solution */
+	bool chained;             /* the links below add up to head_to_photon_ms */
+	int32_t link_ns[BB_LINKS]; /* bench/latency.h */
 };
 enum bb_frame_flags { BB_FRAME_TORN = 1, BB_FRAME_EYES_SWAPPED = 2, BB_FRAME_MONO = 4, BB_FRAME_POSE_OLD = 8, BB_FRAME_VIEW_CLAMPED = 16 };
 

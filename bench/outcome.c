@@ -214,6 +214,20 @@ static void gather_stages(const struct bb_outcome_sources *s, struct bb_run_resu
 		}
 }
 
+/* A camera's stamp on host time, a vblank's, an edge's: the most they may be off stands for one sigma. */
+static void gather_stamps(const struct bb_outcome_sources *s, struct bb_run_result *r)
+{
+	const struct bb_frame_loop *l = s->loop;
+
+	if (l->tracker)
+		r->stamp_error_ms[0] = 1e-6 * hypot((double)l->camera_map[0].uncertainty_ns,
+		                                    (double)bb_camera_limits(s->rig->cameras[0])->stamp_error_ns);
+	if (l->master_screen >= 0)
+		r->stamp_error_ms[1] = 1e-6 * (double)bb_display_limits(s->rig->displays[l->master_screen])->stamp_error_ns;
+	if (s->rig->shutter)
+		r->stamp_error_ms[2] = 1e-6 * (double)bb_shutter_limits(s->rig->shutter)->stamp_error_ns;
+}
+
 static void gather_facts(const struct bb_outcome_sources *s, struct bb_run_result *r)
 {
 	char hex[BB_HASH_HEX];
@@ -256,6 +270,7 @@ void bb_outcome_gather(const struct bb_outcome_sources *s, struct bb_run_result 
 	bb_watch_finish(s->watch, bb_clock_now_ns(s->clk));
 	r->n_events = s->events->total;
 	r->scene_start_s = (double)s->loop->scene_start_ns * 1e-9;
+	gather_stamps(s, r);
 	gather_devices(s, r);
 	gather_incidents(s, r);
 	gather_faults(s, r);

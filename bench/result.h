@@ -155,6 +155,7 @@ struct bb_run_result {
 	double duration_s;            /* of the scene, as run */
 	double scene_start_s;         /* clock time */
 	double wall_time_s;           /* real time spent: not part of anything gated */
+	double stamp_error_ms[3];     /* one sigma: a camera's on host time, a display's, the shutters' */
 	bool truncated;               /* interrupted */
 	bool allow_flash;             /* asked for: flashes are measured and not judged */
 	char summary[256];            /* one sentence for a person: the verdict and its first cause */

@@ -99,6 +99,18 @@ void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_healt
 	change(w, s, now_ns, health);
 }
 
+void bb_watch_say(struct bb_watch *w, size_t slot, const char *word, const char *fmt, ...)
+{
+	const size_t incident = w->slots[slot].incident;
+	va_list ap;
+
+	if (!incident || strncmp(w->incidents[incident - 1].what, word, strlen(word)))
+		return;
+	va_start(ap, fmt);
+	vsnprintf(w->incidents[incident - 1].what, sizeof(w->incidents[incident - 1].what), fmt, ap);
+	va_end(ap);
+}
+
 size_t bb_watch_warn(struct bb_watch *w, size_t slot, int64_t now_ns, const char *fmt, ...)
 {
 	va_list ap;

@@ -18,6 +18,9 @@ size_t bb_watch_slot(struct bb_watch *w, const char *class_name, const char *id)
 /* Bad in state `health` (DEGRADED, HOLDOVER, LOST): what says why, in words for a person. */
 BB_PRINTF(5, 6)
 void bb_watch_bad(struct bb_watch *w, size_t slot, int64_t now_ns, enum bb_health health, const char *fmt, ...);
+/* Says it anew while it lasts, if what was said so far begins with this word: a share, an age. */
+BB_PRINTF(4, 5)
+void bb_watch_say(struct bb_watch *w, size_t slot, const char *word, const char *fmt, ...);
 /* Something a person should know that is no failure: an incident in state WARNING, until it is over or for good; budgets
  * decide. Returns what bb_watch_over takes. */
 BB_PRINTF(4, 5)

@@ -59,6 +59,7 @@ enum bb_status bb_camera_read(struct bb_camera *cam, struct bb_camera_frame *fra
 	if (!frame || (!frame->blobs && frame->cap))
 		return BB_ERR_USAGE;
 	frame->n = 0;
+	frame->has_grey = false;
 	cam->dev.ops++;
 	return cam->ops->read(cam, frame);
 }

@@ -13,8 +13,15 @@ struct entry { /* what decides stands here and not in the timer: hundreds of dis
 	struct bb_timer *timer;
 };
 
+struct bend { /* one time axis on another: t + off + rate (t - ref) */
+	int64_t ref_ns, off_ns;
+	double rate;
+};
+
 struct bb_clock {
 	bool virtual_time, stopped;
+	struct bend crystal;     /* posix: CLOCK_MONOTONIC as this process takes it, planted errors included */
+	struct bend steer;       /* and as another machine's clock goes */
 	int64_t now_ns;          /* virtual */
 	int64_t zero_ns;         /* posix: CLOCK_MONOTONIC at creation */
 	struct entry *heap;      /* least first */
@@ -31,6 +38,25 @@ int64_t bb_clock_stopwatch_ns(void)
 
 	clock_gettime(CLOCK_MONOTONIC, &t);
 	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
+}
+
+static int64_t bent(const struct bend *b, int64_t t_ns)
+{
+	return t_ns + b->off_ns + (int64_t)(b->rate * (double)(t_ns - b->ref_ns));
+}
+
+static int64_t unbent(const struct bend *b, int64_t bent_ns)
+{
+	const int64_t t_ns = bent_ns - b->off_ns;
+
+	return t_ns - (int64_t)(b->rate / (1 + b->rate) * (double)(t_ns - b->ref_ns));
+}
+
+static void bend_on(struct bend *b, int64_t from_ns, double rate)
+{
+	b->off_ns = bent(b, from_ns) - from_ns;
+	b->ref_ns = from_ns;
+	b->rate = rate;
 }
 
 static enum bb_status create(bool virtual_time, struct bb_clock **out)
@@ -74,12 +100,27 @@ bool bb_clock_is_virtual(const struct bb_clock *clk)
 
 int64_t bb_clock_now_ns(const struct bb_clock *clk)
 {
-	return clk->virtual_time ? clk->now_ns : bb_clock_stopwatch_ns() - clk->zero_ns;
+	return clk->virtual_time ? clk->now_ns : bb_clock_from_monotonic_ns(clk, bb_clock_stopwatch_ns());
+}
+
+int64_t bb_clock_own_ns(const struct bb_clock *clk, int64_t at_ns)
+{
+	return unbent(&clk->steer, at_ns + clk->zero_ns);
+}
+
+void bb_clock_steer(struct bb_clock *clk, double ppb)
+{
+	bend_on(&clk->steer, bent(&clk->crystal, bb_clock_stopwatch_ns()), ppb * 1e-9);
+}
+
+void bb_clock_plant_crystal(struct bb_clock *clk, double ppb)
+{
+	bend_on(&clk->crystal, bb_clock_stopwatch_ns(), ppb * 1e-9);
 }
 
 int64_t bb_clock_from_monotonic_ns(const struct bb_clock *clk, int64_t monotonic_ns)
 {
-	return clk->virtual_time ? monotonic_ns : monotonic_ns - clk->zero_ns;
+	return clk->virtual_time ? monotonic_ns : bent(&clk->steer, bent(&clk->crystal, monotonic_ns)) - clk->zero_ns;
 }
 
 int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns)
@@ -200,7 +241,7 @@ void bb_clock_stop(struct bb_clock *clk)
 
 static void wait_until(struct bb_clock *clk, int64_t at_ns)
 {
-	const int64_t abs_ns = clk->zero_ns + at_ns;
+	const int64_t abs_ns = unbent(&clk->crystal, bb_clock_own_ns(clk, at_ns));
 	const struct timespec t = { .tv_sec = abs_ns / BB_NS_PER_S, .tv_nsec = abs_ns % BB_NS_PER_S };
 
 	if (clk->virtual_time) {

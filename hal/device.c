@@ -29,6 +29,7 @@ enum bb_status bb_device_fail(struct bb_device *dev, enum bb_status status, cons
 	const int os_errno = errno;
 	va_list ap;
 
+	dev->failures++;
 	dev->last_error.status = status;
 	dev->last_error.os_errno = os_errno;
 	snprintf(dev->last_error.op, sizeof(dev->last_error.op), "%s", op);

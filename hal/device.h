@@ -45,6 +45,7 @@ struct bb_device {
 	const struct bb_log *log;   /* may be NULL */
 	uint16_t event_source;
 	struct bb_last_error last_error;
+	uint64_t failures;          /* so many were recorded there */
 	uint64_t ops;               /* calls through the class's wrapper: part of a device's counted cost */
 };
 

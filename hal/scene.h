@@ -13,6 +13,7 @@
 #define BB_NOT_NEEDED (-1)
 
 enum bb_technique { BB_TECHNIQUE_VOLUME, BB_TECHNIQUE_CALIBRATION };
+enum bb_steer { BB_STEER_PAD, BB_STEER_HEAD };
 enum bb_loop { BB_LOOP_REPEAT, BB_LOOP_PING_PONG, BB_LOOP_HOLD };
 
 struct bb_scene {
@@ -40,6 +41,7 @@ struct bb_scene {
 	char transfer_function[BB_PATH_MAX_BYTES];
 	char head_path[BB_PATH_MAX_BYTES];
 	char wand_path[BB_PATH_MAX_BYTES];
+	int steer_by;                         /* enum bb_steer: where a pad's "ahead" is */
 	double duration_s;
 	int needs[BB_CLASS_COUNT];            /* fidelity, or BB_NOT_NEEDED */
 	double memory_mib;                    /* of brick memory per node; 0: no limit */

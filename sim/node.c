@@ -103,8 +103,23 @@ static enum bb_status viewer_leave(void *device, const struct sim_fault_args *ar
 	return BB_OK;
 }
 
+static enum bb_status viewer_loosen(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_viewer_state *viewer = device;
+	double marker, mm;
+	enum bb_status status = sim_fault_range(args, "marker", SIM_FAULT_REQUIRED, 1, SIM_MARKERS, &marker, err);
+
+	if (status == BB_OK)
+		status = sim_fault_range(args, "mm", SIM_FAULT_REQUIRED, 0, 1000, &mm, err);
+	if (status == BB_OK && viewer)
+		viewer->loose_nm[(size_t)marker - 1] += llround((on ? 1e6 : -1e6) * mm);
+	return status;
+}
+
 const struct sim_verb sim_viewer_verbs[] = {
 	{ "leave", "", "nobody is in the room: no marker, nothing that hides one", "", viewer_leave },
+	{ "loosen", "marker=N mm=N", "marker N of the glasses (from 1) is out of its place by so much", "marker=2 mm=20",
+	  viewer_loosen },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 

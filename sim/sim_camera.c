@@ -1,5 +1,6 @@
 /* sim/sim_camera.c: a tracking camera; the model stands in sim/sim_camera.h. One timer, on the owner's thread. */
 #include "sim/sim_camera.h"
+#include "sim/camera/lights.h"
 #include "sim/sim.h"
 #include "sim/sim_option.h"
 
@@ -8,6 +9,7 @@
 #include <string.h>
 
 #define QUEUE 16
+#define STALLS_MOST 4 /* a halt cleared and three resets */
 #define OWN_RATE_PPM 50.0     /* crystals */
 #define DEVICE_CLOCK_PPM 30.0
 #define TICK_NS 1000
@@ -16,9 +18,13 @@
 struct queued {
 	uint32_t seq;
 	int64_t mid_dev_ns, arrived_ns;
-	bool overflow;
+	bool overflow, stalled;
 	size_t n;
 	struct bb_blob blob[SIM_CAMERA_BLOBS];
+	struct sim_rng noise; /* fidelity 2: what the picture is drawn from when somebody wants it */
+	size_t n_lights;
+	double sun;
+	struct sim_light light[SIM_CAMERA_BLOBS];
 };
 
 struct sim_camera {
@@ -26,6 +32,9 @@ struct sim_camera {
 	struct sim_world *world;
 	struct bb_timer timer;
 	struct sim_rng rng;
+	struct sim_sensor sensor;
+	struct sim_lamp lamp;
+	struct sim_picture *picture; /* fidelity 2 */
 	bool ideal, running;
 	int64_t exposure_ns, offset_ns, readout_ns, transfer_ns, jitter_ns;
 	int64_t start_ns;        /* of the exposure under way */
@@ -36,9 +45,9 @@ struct sim_camera {
 	struct bb_unwrap32 unwrap;
 	int64_t last_arrived_ns;
 	struct bb_vec3 bump_axis;
-	int64_t lost, covered, freerun, frozen, drop_ppm, noise_npx, bump_ndeg, flood; /* sums over faults */
-	size_t n_still;          /* the picture that stands still */
-	struct bb_blob still[SIM_CAMERA_BLOBS];
+	int64_t lost, covered, freerun, frozen, stalled, drop_ppm, noise_npx, bump_ndeg, flood, sun_mgrey, mirror_ppm; /* sums over faults */
+	unsigned stalls;         /* in a row */
+	struct queued still;     /* the picture that stands still */
 	struct queued *queue;
 	uint32_t head, n_queued;
 	uint64_t dropped;
@@ -184,9 +193,10 @@ static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_r
                         size_t *n)
 {
 	const struct bb_pose pose = pose_now(c);
-	const double sd_px = (c->ideal ? 0 : c->base.config.noise_px) + (double)c->noise_npx * 1e-9;
+	const double sd_px = c->base.limits.blob_error_px + (double)c->noise_npx * 1e-9;
 	struct bb_vec3 marker[BB_BODIES_MAX * 6];
 	const size_t n_markers = sim_world_markers(c->world, mid_ns, marker, BB_ARRAY_LEN(marker));
+	const double size = c->lamp.marker_mm / (SIM_MARKER_DIAMETER_M * 1e3);
 	struct bb_blob blob;
 	bool fits = true;
 
@@ -199,9 +209,53 @@ static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_r
 			continue;
 		blob.x_px = (float)((double)blob.x_px + dx);
 		blob.y_px = (float)((double)blob.y_px + dy);
+		blob.area_px = (float)((double)blob.area_px * size * size);
 		fits &= put(blobs, n, blob);
 	}
 	return fits;
+}
+
+static struct sim_eye eye_at(const struct sim_camera *c, int64_t mid_ns)
+{
+	return (struct sim_eye){ .world = c->world, .config = &c->base.config, .lamp = &c->lamp, .pose = pose_now(c),
+		                 .mid_ns = mid_ns, .exposure_ns = c->exposure_ns, .mirror = (double)c->mirror_ppm * 1e-6 };
+}
+
+/* What a polished floor returns is near the threshold: each ghost is there in that share of the frames. */
+static bool see_ghosts(const struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct bb_blob *blobs, size_t *n)
+{
+	const struct sim_eye eye = eye_at(c, mid_ns);
+	struct sim_light light[SIM_CAMERA_BLOBS];
+	size_t n_lights = 0;
+
+	if (c->ideal || !(eye.mirror + c->lamp.mirror > 0))
+		return true;
+	bool fits = sim_lights_see(&eye, light, BB_ARRAY_LEN(light), &n_lights);
+	for (size_t i = 0; i < n_lights; i++) {
+		const struct sim_light *l = &light[i];
+		const struct bb_blob ghost = { (float)((l->x0_px + l->x1_px) / 2), (float)((l->y0_px + l->y1_px) / 2),
+			                       (float)(3.1415926535897932 * l->radius_px * l->radius_px) };
+		if (l->ghost && sim_rng_uniform(r) < eye.mirror + c->lamp.mirror)
+			fits &= put(blobs, n, ghost);
+	}
+	return fits;
+}
+
+static double sun_grey(const struct sim_camera *c)
+{
+	return c->covered ? 0 : c->sensor.sun_grey + (double)c->sun_mgrey * 1e-3;
+}
+
+/* Who looks for bright points takes a patch of sun for a large one: as far as it reaches this level. */
+#define SUN_EDGE_GREY 28.0
+static bool see_sun(const struct sim_camera *c, struct bb_blob *blobs, size_t *n)
+{
+	const double rr = 2 * c->sensor.sun_px * c->sensor.sun_px * log(fmax(sun_grey(c) / SUN_EDGE_GREY, 1));
+	const struct bb_blob sun = { (float)(c->sensor.sun_x * (double)c->base.config.width_px),
+		                     (float)(c->sensor.sun_y * (double)c->base.config.height_px),
+		                     (float)(3.1415926535897932 * rr) };
+
+	return c->ideal || !(rr > 0) || put(blobs, n, sun);
 }
 
 static bool see_strays(const struct sim_camera *c, struct sim_rng *r, struct bb_blob *blobs, size_t *n)
@@ -259,23 +313,43 @@ static void merge_close(struct bb_blob *blobs, size_t *n)
 
 static void look(struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct queued *q)
 {
-	if (c->frozen) {
-		q->n = c->n_still;
-		memcpy(q->blob, c->still, q->n * sizeof(*q->blob));
-		return;
-	}
 	if (!c->covered) {
 		const bool markers_fit = see_markers(c, mid_ns, r, q->blob, &q->n);
 		const bool strays_fit = see_strays(c, r, q->blob, &q->n);
-		q->overflow = !markers_fit || !strays_fit;
+		const bool others_fit = see_sun(c, q->blob, &q->n) && see_ghosts(c, mid_ns, r, q->blob, &q->n);
+		q->overflow = !markers_fit || !strays_fit || !others_fit;
 		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
 	}
 	if (!c->ideal) {
 		merge_close(q->blob, &q->n);
 		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
 	}
-	c->n_still = q->n;
-	memcpy(c->still, q->blob, q->n * sizeof(*q->blob));
+}
+
+/* Fidelity 2: the lights of the same moment. Only the noise of faults moves them; that of the sensor is the picture's. */
+static void look_closely(const struct sim_camera *c, int64_t mid_ns, struct queued *q)
+{
+	const struct sim_eye eye = eye_at(c, mid_ns);
+	const double sd_px = (double)c->noise_npx * 1e-9;
+	struct sim_rng r = sim_rng_at(&c->rng, ~(uint64_t)q->seq);
+
+	if (!c->covered)
+		(void)sim_lights_see(&eye, q->light, BB_ARRAY_LEN(q->light), &q->n_lights);
+	for (size_t i = 0; i < q->n_lights; i++) {
+		struct sim_light *l = &q->light[i];
+		const double dx = sd_px * sim_rng_normal(&r), dy = sd_px * sim_rng_normal(&r);
+		l->x0_px += dx;
+		l->x1_px += dx;
+		l->y0_px += dy;
+		l->y1_px += dy;
+	}
+	for (int64_t i = 0; i < c->flood && !c->covered && q->n_lights < BB_ARRAY_LEN(q->light); i++) {
+		const double x = sim_rng_uniform(&r) * (double)(c->base.config.width_px - 1);
+		const double y = sim_rng_uniform(&r) * (double)(c->base.config.height_px - 1);
+		q->light[q->n_lights++] = (struct sim_light){ x, y, x, y, 0.8 + 2 * sim_rng_uniform(&r), 150, 0, false };
+	}
+	q->sun = sun_grey(c);
+	q->noise = r;
 }
 
 /* Frames */
@@ -303,10 +377,22 @@ static void expose(struct sim_camera *c, int64_t mid_ns)
 	if (drop)
 		return;
 	struct queued *q = next_slot(c);
-	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns };
+	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns, .stalled = c->stalled > 0 };
 	q->arrived_ns = arrived_ns > c->last_arrived_ns ? arrived_ns : c->last_arrived_ns + 1;
 	c->last_arrived_ns = q->arrived_ns;
-	look(c, mid_ns, &r, q);
+	if (c->frozen) { /* the very same picture, noise and all */
+		const struct queued now = *q;
+		*q = c->still;
+		q->seq = now.seq;
+		q->stalled = now.stalled;
+		q->mid_dev_ns = now.mid_dev_ns;
+		q->arrived_ns = now.arrived_ns;
+	} else {
+		look(c, mid_ns, &r, q);
+		if (c->picture)
+			look_closely(c, mid_ns, q);
+		c->still = *q;
+	}
 	c->n_queued++;
 	bb_device_event(&c->base.dev, BB_EV_FRAME, mid_ns, seq, (int64_t)q->n);
 }
@@ -337,13 +423,29 @@ static enum bb_status begin(struct sim_camera *c)
 
 /* Ops */
 
+#define OPTION(name, member, least, most) { name, offsetof(struct sim_camera, member), least, most }
 static const struct sim_option options[] = {
-	{ "noise_px", offsetof(struct bb_camera_config, noise_px), 0, 10 },
-	{ "transfer_us", offsetof(struct bb_camera_config, transfer_us), 0, 1e5 },
-	{ "transfer_jitter_us", offsetof(struct bb_camera_config, transfer_jitter_us), 0, 1e5 },
-	{ "readout_us", offsetof(struct bb_camera_config, readout_us), 0, 1e5 },
+	OPTION("noise_px", base.config.noise_px, 0, 10),
+	OPTION("transfer_us", base.config.transfer_us, 0, 1e5),
+	OPTION("transfer_jitter_us", base.config.transfer_jitter_us, 0, 1e5),
+	OPTION("readout_us", base.config.readout_us, 0, 1e5),
+	OPTION("marker_mm", lamp.marker_mm, 1, 200),
+	OPTION("strobe_grey", lamp.strobe_grey, 0, 1e5),
+	OPTION("row_us", lamp.row_us, 0, 100),
+	OPTION("mirror", lamp.mirror, 0, 1),
+	OPTION("psf_px", sensor.psf_px, 0.3, 10),
+	OPTION("read_noise", sensor.read_noise, 0, 30),
+	OPTION("full_well_e", sensor.full_well_e, 100, 1e6),
+	OPTION("black", sensor.black, 0, 100),
+	OPTION("sun_grey", sensor.sun_grey, 0, 1e4),
+	OPTION("sun_x", sensor.sun_x, 0, 1),
+	OPTION("sun_y", sensor.sun_y, 0, 1),
+	OPTION("sun_px", sensor.sun_px, 1, 200),
 	{ NULL, 0, 0, 0 },
 };
+static const struct sim_sensor usual_sensor = { .psf_px = 0.8, .read_noise = 1, .full_well_e = 10000, .black = 4,
+	                                        .sun_x = 0.3, .sun_y = 0.3, .sun_px = 30 };
+static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .strobe_grey = 300 };
 
 static bool in(double value, double least, double most)
 {
@@ -366,6 +468,15 @@ static enum bb_status check_config(struct sim_camera *c)
 	return BB_OK;
 }
 
+/* What can be had from a picture: the Cramer-Rao bound of a Gaussian spot of 100 levels, whatever its width, in even noise
+ * of as much as in its middle. */
+static double picture_error_px(const struct sim_sensor *s)
+{
+	const double peak = 100, per_e = (255 - s->black) / s->full_well_e;
+
+	return 0.79788456080286536 * sqrt(s->read_noise * s->read_noise + 1.0 / 12 + peak * per_e) / peak;
+}
+
 static void set_limits(struct sim_camera *c)
 {
 	c->base.limits = (struct bb_camera_limits){
@@ -374,7 +485,8 @@ static void set_limits(struct sim_camera *c)
 		.most_blobs = SIM_CAMERA_BLOBS,
 		.least_latency_ns = c->exposure_ns - c->exposure_ns / 2 + c->readout_ns + c->transfer_ns,
 		.stamp_error_ns = c->ideal ? 0 : TICK_NS,
-		.blob_error_px = c->ideal ? 0 : c->base.config.noise_px,
+		.blob_error_px = c->picture ? picture_error_px(&c->sensor) : c->ideal ? 0 : c->base.config.noise_px,
+		.grey = c->picture != NULL,
 	};
 }
 
@@ -407,7 +519,9 @@ static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *o
 
 	c->world = open->world;
 	c->ideal = open->fidelity == 0;
-	enum bb_status status = sim_options_read(&cam->dev, open->uri, options, &cam->config);
+	c->sensor = usual_sensor;
+	c->lamp = usual_lamp;
+	enum bb_status status = sim_options_read(&cam->dev, open->uri, options, c);
 	if (status == BB_OK)
 		status = check_config(c);
 	if (status != BB_OK)
@@ -417,15 +531,19 @@ static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *o
 	c->readout_ns = llround(k->readout_us * 1000);
 	c->transfer_ns = llround(k->transfer_us * 1000);
 	c->jitter_ns = c->ideal ? 0 : llround(k->transfer_jitter_us * 1000);
+	if (open->fidelity >= 2)
+		status = sim_picture_create(&c->sensor, k->width_px, k->height_px, &c->picture);
+	if (status != BB_OK)
+		return status;
 	set_limits(c);
 	draw_unit(c, open);
 	c->timer = (struct bb_timer){ .step = step, .rank = 1 };
 	c->queue = calloc(QUEUE, sizeof(*c->queue));
-	if (!c->queue)
-		return BB_ERR_NOMEM;
-	status = sim_world_register(c->world, "camera", cam->dev.id, c, sim_camera_verbs);
-	if (status != BB_OK)
+	status = c->queue ? sim_world_register(c->world, "camera", cam->dev.id, c, sim_camera_verbs) : BB_ERR_NOMEM;
+	if (status != BB_OK) {
 		free(c->queue);
+		sim_picture_destroy(c->picture);
+	}
 	return status;
 }
 
@@ -436,11 +554,17 @@ static void camera_close(struct bb_camera *cam)
 	sim_world_unregister(c->world, c);
 	bb_clock_disarm(cam->dev.clk, &c->timer);
 	free(c->queue);
+	sim_picture_destroy(c->picture);
 }
 
 static enum bb_status gone(struct sim_camera *c, const char *op)
 {
 	return bb_device_fail(&c->base.dev, BB_ERR_LOST, op, "no answer on the bus");
+}
+
+static enum bb_status quarantined(struct sim_camera *c)
+{
+	return bb_device_fail(&c->base.dev, BB_ERR_LOST, "read", "QUARANTINED: too many resets; stop and start it");
 }
 
 static enum bb_status camera_start(struct bb_camera *cam)
@@ -449,6 +573,7 @@ static enum bb_status camera_start(struct bb_camera *cam)
 
 	if (c->lost)
 		return gone(c, "start");
+	c->stalls = 0;
 	if (c->running)
 		return BB_OK;
 	c->running = true;
@@ -467,21 +592,55 @@ static enum bb_status camera_stop(struct bb_camera *cam)
 	return BB_OK;
 }
 
-static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame *frame)
+static struct queued *arrived(struct sim_camera *c)
 {
-	struct sim_camera *c = own(cam);
-	const struct queued *q = &c->queue[c->head];
+	struct queued *q = &c->queue[c->head];
 
-	if (c->lost)
-		return gone(c, "read");
-	if (!c->n_queued || q->arrived_ns > bb_clock_now_ns(cam->dev.clk))
-		return BB_TIMEOUT;
-	frame->seq = q->seq;
-	frame->mid_exposure = (struct bb_dev_ns){ q->mid_dev_ns };
-	frame->arrived_ns = q->arrived_ns;
+	return c->n_queued && q->arrived_ns <= bb_clock_now_ns(c->base.dev.clk) ? q : NULL;
+}
+
+/* As drivers/camera_usb.c treats it (row K8): what came of a frame is thrown away, the endpoint cleared and, three times,
+ * the device reset; then it is left alone until somebody starts it by hand. */
+static void throw_stalled(struct sim_camera *c)
+{
+	for (struct queued *q; c->stalls <= STALLS_MOST && (q = arrived(c)) && q->stalled; c->n_queued--) {
+		(void)bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "USB_ERR: stalled, frame %u is lost", q->seq);
+		c->head = (c->head + 1) % QUEUE;
+		c->stalls++;
+	}
+}
+
+/* Drawn when it is fetched: what nobody reads costs nothing. */
+static void deliver(struct sim_camera *c, const struct queued *q, struct bb_camera_frame *frame)
+{
+	if (c->picture && frame->grey) {
+		struct sim_rng noise = q->noise;
+		sim_picture_draw(c->picture, q->light, q->n_lights, q->sun, &noise, frame->grey);
+		frame->has_grey = true;
+		return;
+	}
 	frame->n = q->n < frame->cap ? q->n : frame->cap;
 	frame->overflow = q->overflow || q->n > frame->cap;
 	memcpy(frame->blobs, q->blob, frame->n * sizeof(*q->blob));
+}
+
+static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame *frame)
+{
+	struct sim_camera *c = own(cam);
+
+	if (c->lost)
+		return gone(c, "read");
+	throw_stalled(c);
+	if (c->stalls > STALLS_MOST)
+		return quarantined(c);
+	const struct queued *q = arrived(c);
+	if (!q)
+		return BB_TIMEOUT;
+	c->stalls = 0;
+	frame->seq = q->seq;
+	frame->mid_exposure = (struct bb_dev_ns){ q->mid_dev_ns };
+	frame->arrived_ns = q->arrived_ns;
+	deliver(c, q, frame);
 	c->head = (c->head + 1) % QUEUE;
 	c->n_queued--;
 	return BB_OK;
@@ -560,7 +719,21 @@ static enum bb_status verb_flood(void *device, const struct sim_fault_args *args
 {
 	struct sim_camera *c = device;
 
-	return amount(c, args, "n", 1000, 1, c ? &c->flood : NULL, on, err);
+	return amount(c, args, "n", 10000, 1, c ? &c->flood : NULL, on, err);
+}
+
+static enum bb_status verb_sun(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "grey", 10000, 1e3, c ? &c->sun_mgrey : NULL, on, err);
+}
+
+static enum bb_status verb_mirror(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	return amount(c, args, "percent", 100, 1e4, c ? &c->mirror_ppm : NULL, on, err);
 }
 
 static enum bb_status verb_unplug(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
@@ -588,6 +761,17 @@ static enum bb_status verb_freerun(void *device, const struct sim_fault_args *ar
 	return BB_OK;
 }
 
+static enum bb_status verb_stall(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_camera *c = device;
+
+	(void)args;
+	(void)err;
+	if (c)
+		c->stalled += on ? 1 : -1;
+	return BB_OK;
+}
+
 static enum bb_status verb_freeze(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_camera *c = device;
@@ -606,8 +790,12 @@ const struct sim_verb sim_camera_verbs[] = {
 	{ "noise", "px=N", "blob centres scatter by that much more (standard deviation)", "px=1.5", verb_noise },
 	{ "bump", "deg=N", "someone knocked it: it looks that far elsewhere", "deg=2", verb_bump },
 	{ "flood", "n=N", "that many stray blobs in each frame", "n=20", verb_flood },
+	{ "sun", "grey=N", "a patch of sun in its picture, that many grey levels in the middle", "grey=400", verb_sun },
+	{ "mirror", "percent=N", "the floor is polished: so much of the markers' light comes from below", "percent=20",
+	  verb_mirror },
 	{ "unplug", "", "it is gone from the bus", "", verb_unplug },
 	{ "freerun", "", "its sync cable is out: it exposes by its own clock", "", verb_freerun },
 	{ "freeze", "", "the picture stands still while frames keep coming", "", verb_freeze },
+	{ "stall", "", "its transfers stall: what comes of a frame is thrown away; five in a row and it is left alone", "", verb_stall },
 	{ NULL, NULL, NULL, NULL, NULL },
 };

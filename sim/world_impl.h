@@ -29,8 +29,11 @@ struct sim_node_state { /* sums over the faults that are set */
 	int64_t suspended;
 };
 
+#define SIM_MARKERS 6 /* of a body, at most */
+
 struct sim_viewer_state {
 	int64_t left; /* > 0: the viewer is not in the room */
+	int64_t loose_nm[SIM_MARKERS]; /* of the glasses: how far out of its place */
 };
 
 struct sim_planted {

@@ -8,8 +8,8 @@
  * bare frequency (holdover). Stamps may lie anywhere in int64 and pass its end: only differences are used, and where
  * the axis begins changes no bit of an answer. Algorithm only: no clock, no allocation. One thread.
  *
- * Nothing in a run steers by it yet: nodes follow the master's clock by a map (sync/exchange.h), and no device class has a
- * clock that can be set. tests/test_servo.c is what holds it.
+ * A process on another machine than the head's steers its clock by it (bench/loop/follow.c). No device class has a clock that
+ * can be set. tests/test_servo.c is what holds it.
  *
  * Gains and limits of the PI servo are those of linuxptp 3.1.1 (pi.c, config.c): kp = kp_scale T^-0.3 <= 0.7/T,
  * ki = ki_scale T^0.4 <= 0.3/T, with T the interval in seconds and offsets in ns giving ppb.

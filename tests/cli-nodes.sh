@@ -26,6 +26,17 @@ begun() { # NAME: until that run's scene goes on
 	done
 }
 
+# A process whose oscillator is 400 ppm too fast follows the head's clock all the same; left alone it would be 4 ms off.
+follow() {
+	$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 10 --out "$work/follow" >/dev/null 2>"$work/follow.err" &
+	pid_follow=$!
+	for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do sleep 0.1; to=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/follow.err"); [ -n "$to" ] && break; done
+	"$program" node $room $pattern --nodes 2 --join "$to" --token-file "$work/token" --duration 10 --plant-crystal-ppm 400
+	wait $pid_follow
+}
+follow &
+following=$!
+
 # Three runs at once, each disturbed when its scene has begun.
 disturb() { # NAME...
 	for way in "$@"; do begin $way; done
@@ -124,6 +135,27 @@ wait $two
 check "a node by hand ends well with its head" [ $? = 0 ]
 check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r['counters']['frames'] > 60 and 'processes_lost' not in r['counters']")" = True ]
 check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
+wait
+
+wait $following
+check "another oscillator: steered by what it is wrong" [ "$(field "$work/follow/result.json" "abs(float(r['facts']['clock_front'].split('by ')[1].split()[0]) + 400) < 60")" = True ]
+check "another oscillator: within a millisecond" [ "$(field "$work/follow/result.json" "float(r['facts']['clock_front_off'].split()[0]) < 1000")" = True ]
+
+# The head is killed: who joined by hand holds its pictures, fades them, and only then ends
+$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 20 --out "$work/orphan" >/dev/null 2>"$work/err" &
+pid=$!
+for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.1; address=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/err"); [ -n "$address" ] && break; done
+"$program" node $room $pattern --nodes 2 --join "$address" --token-file "$work/token" --duration 20 2>"$work/orphaned" >/dev/null &
+two=$!
+for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do sleep 0.1; grep -q 'the scene begins' "$work/err" && break; done
+sleep 1
+kill -9 $pid
+killed=$(date +%s%N)
+wait $two
+status=$?
+check "the head is killed: a node by hand ends by BB1674" [ "$status" = 4 ]
+check "the head is killed: it said so, and faded first" [ "$(grep -c MASTER_LOST "$work/orphaned")" -ge 1 ] &&
+	check "the head is killed: not before its walls were dark" [ $(($(date +%s%N) - killed)) -gt 1400000000 ]
 wait
 
 # Barriers of real processes: every way works under every load, the peer that is not built says so

@@ -150,6 +150,12 @@ static void test_numbers(void **state)
 		assert_int_equal(err.number, 1704);
 		assert_true(fabs(v - 5) < 1e-12);
 	}
+	struct bb_cli whole = { .n_options = 1, .option = { { .name = "seed", .value = "2.5" } } };
+	assert_int_equal(bb_cli_whole(&whole, "seed", 5, 0, 10, &v, NULL), BB_ERR_USAGE);
+	assert_true(fabs(v - 5) < 1e-12);
+	whole.option[0].value = "2e1";
+	assert_int_equal(bb_cli_whole(&whole, "seed", 5, 0, 100, &v, NULL), BB_OK);
+	assert_true(fabs(v - 20) < 1e-12);
 	assert_int_equal(bb_cli_number(&none, "seed", 5, 0, 10, &v, NULL), BB_OK);
 	assert_true(fabs(v - 5) < 1e-12);
 }

@@ -225,6 +225,57 @@ static void posix_time_flows_and_steps_are_never_early(void **state)
 	bb_clock_destroy(clk);
 }
 
+struct readings { /* a clock's time, and real time before and after it was read */
+	int64_t before_ns, now_ns, after_ns;
+};
+
+static struct readings read_both(const struct bb_clock *clk)
+{
+	struct readings r = { .before_ns = bb_clock_stopwatch_ns() };
+
+	r.now_ns = bb_clock_now_ns(clk);
+	r.after_ns = bb_clock_stopwatch_ns();
+	return r;
+}
+
+static void passed_at_rate(const struct readings *a, const struct readings *b, double rate)
+{
+	const double passed_ns = (double)(b->now_ns - a->now_ns);
+
+	assert_true(passed_ns >= rate * (double)(b->before_ns - a->after_ns) - 100);
+	assert_true(passed_ns <= rate * (double)(b->after_ns - a->before_ns) + 100);
+}
+
+/* A crystal 1 % too fast, steered by what it is wrong: now runs like the kernel's clock, waits end when they should, and
+ * nothing jumps. */
+static void posix_clock_is_steered(void **state)
+{
+	struct bb_clock *clk;
+	struct probe p = { 0 };
+
+	(void)state;
+	assert_int_equal(bb_clock_posix_create(&clk), BB_OK);
+	bb_clock_plant_crystal(clk, 1e7);
+	const struct readings start = read_both(clk);
+	arm(clk, &p, 1, 0, start.now_ns + 50000000);
+	bb_clock_run_until(clk, start.now_ns + 50000000);
+	const struct readings middle = read_both(clk);
+	assert_int_equal(p.runs, 1);
+	assert_true(p.now_ns >= p.scheduled_ns);
+	passed_at_rate(&start, &middle, 1.01);
+	bb_clock_steer(clk, -1e7 / 1.01);
+	const struct readings steered = read_both(clk);
+	passed_at_rate(&middle, &steered, 1.01);
+	bb_clock_run_until(clk, steered.now_ns + 50000000);
+	const struct readings end = read_both(clk);
+	assert_true(end.now_ns >= steered.now_ns + 50000000);
+	passed_at_rate(&steered, &end, 1);
+	const struct readings own[2] = { { steered.before_ns, bb_clock_own_ns(clk, steered.now_ns), steered.after_ns },
+		                         { end.before_ns, bb_clock_own_ns(clk, end.now_ns), end.after_ns } };
+	passed_at_rate(&own[0], &own[1], 1.01);
+	bb_clock_destroy(clk);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
@@ -238,6 +289,7 @@ int main(void)
 		cmocka_unit_test_setup_teardown(a_random_heap_is_in_order, setup, teardown),
 		cmocka_unit_test(destroy_forgets_armed_timers),
 		cmocka_unit_test(posix_time_flows_and_steps_are_never_early),
+		cmocka_unit_test(posix_clock_is_steered),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

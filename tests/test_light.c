@@ -90,7 +90,7 @@ static void agree(const char *room_path, const char *scene_text)
 			if (k % 3)
 				cycle(l[i], room, 10 * MS);
 			if (k % 3 == 2)
-				bb_light_screen(l[i], 1, false);
+				bb_light_screen(l[i], 1, 0);
 		}
 		draw(l[1], room, scene, t_s, fade);
 		bb_light_patch(l[0], t_s);

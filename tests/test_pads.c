@@ -19,6 +19,7 @@ struct bench {
 	struct bb_gamepad *g;
 	struct bb_rig devices;
 	struct bb_frame_loop loop;
+	struct bb_scene scene;
 	size_t slot;
 };
 
@@ -40,7 +41,7 @@ static struct bench *begin_with(enum bb_pad_model model, const char *script)
 	b->rig->room.n_gamepads = 1;
 	b->rig->room.gamepads = &b->config;
 	b->devices.gamepads = &b->g;
-	b->loop = (struct bb_frame_loop){ .room = &b->rig->room, .rig = &b->devices, .gamepad_slot = &b->slot,
+	b->loop = (struct bb_frame_loop){ .room = &b->rig->room, .scene = &b->scene, .rig = &b->devices, .gamepad_slot = &b->slot,
 		                          .navigation = { { 0, 0, 0 }, BB_QUAT_IDENTITY } };
 	b->loop.pads = calloc(1, sizeof(*b->loop.pads));
 	assert_int_equal(bb_ledger_create(2000, 1, &b->loop.ledger), BB_OK);
@@ -207,12 +208,76 @@ static void a_low_battery_is_told_by_name(void **state)
 	end(b);
 }
 
+/* Where the viewer goes with the stick ahead, by where the head is turned: degrees; the first frame after half a second. */
+static struct bb_vec3 goes(enum bb_steer by, bool space, double yaw, double pitch, double roll)
+{
+	struct bench *b = begin_with(space ? BB_PAD_SPACEMOUSE : BB_PAD_RUMBLEPAD2, space ? "0.1 axis 3 -1 0\n" : "0.1 axis 2 -1 0\n");
+
+	b->scene.steer_by = (int)by;
+	b->loop.steady.last = (struct bb_pose){ { 0, 1.6, 0 }, bb_quat_euler_deg(yaw, pitch, roll) };
+	frames(b, 30);
+	rig_pass(b->rig, FRAME_NS);
+	bb_pads_read(&b->loop, rig_now(b->rig));
+	const struct bb_vec3 p = b->loop.navigation.p;
+	end(b);
+	return bb_vec3_unit(p, (struct bb_vec3){ 0, 0, 0 });
+}
+
+static void close_to(struct bb_vec3 p, double x, double y, double z, double within)
+{
+	const double off = bb_vec3_norm(bb_vec3_sub(p, (struct bb_vec3){ x, y, z }));
+
+	if (!(off <= within))
+		fail_msg("goes %.3f %.3f %.3f, want %.3f %.3f %.3f", p.x, p.y, p.z, x, y, z);
+}
+
+static void the_head_steers(void **state)
+{
+	const double h = sqrt(0.5);
+
+	(void)state;
+	for (int space = 0; space < 2; space++) { /* both kinds of input */
+		close_to(goes(BB_STEER_PAD, space, 90, 45, 20), 0, 0, -1, 1e-9); /* not asked for: the head does nothing */
+		close_to(goes(BB_STEER_HEAD, space, 0, 0, 0), 0, 0, -1, 1e-9);
+		close_to(goes(BB_STEER_HEAD, space, 90, 0, 0), -1, 0, 0, 1e-9);   /* to the left */
+		close_to(goes(BB_STEER_HEAD, space, 180, 0, 0), 0, 0, 1, 1e-9);
+		close_to(goes(BB_STEER_HEAD, space, 0, 45, 0), 0, h, -h, 1e-9);   /* looks up: climbs */
+		close_to(goes(BB_STEER_HEAD, space, -90, -45, 0), h, -h, 0, 1e-9);
+		close_to(goes(BB_STEER_HEAD, space, 30, 10, 40), -sin(M_PI / 6) * cos(M_PI / 18), sin(M_PI / 18),
+		         -cos(M_PI / 6) * cos(M_PI / 18), 1e-9); /* tilted to the side: as without */
+		close_to(goes(BB_STEER_HEAD, space, 45, -90, 0), 0, -1, 0, 1e-9); /* straight down is down, and no nan */
+	}
+}
+
+/* Sideways motion keeps its heading however steep the look, and there is no jump on the way there. */
+static void a_steep_look_keeps_its_heading(void **state)
+{
+	struct bb_vec3 last = { 0, 0, 0 };
+
+	(void)state;
+	for (int pitch = -60; pitch >= -90; pitch -= 1) {
+		struct bench *b = begin("0.1 axis 1 1 0\n");
+		b->scene.steer_by = BB_STEER_HEAD;
+		b->loop.steady.last = (struct bb_pose){ { 0, 1.6, 0 }, bb_quat_euler_deg(90, pitch, 10) };
+		frames(b, 30);
+		rig_pass(b->rig, FRAME_NS);
+		bb_pads_read(&b->loop, rig_now(b->rig));
+		const struct bb_vec3 p = bb_vec3_unit(b->loop.navigation.p, (struct bb_vec3){ 0, 0, 0 });
+		close_to(p, 0, 0, -1, 0.2); /* to the right of who looks left, but for the tilt */
+		if (pitch < -60)
+			assert_true(bb_vec3_norm(bb_vec3_sub(p, last)) < 0.06);
+		last = p;
+		end(b);
+	}
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(silence_lets_the_motion_run_out), cmocka_unit_test(unplug_ends_the_motion_with_the_frame),
 		cmocka_unit_test(a_stuck_axis_is_told_by_name),    cmocka_unit_test(a_hand_is_not_a_stuck_axis),
-		cmocka_unit_test(a_low_battery_is_told_by_name),
+		cmocka_unit_test(a_low_battery_is_told_by_name), cmocka_unit_test(the_head_steers),
+		cmocka_unit_test(a_steep_look_keeps_its_heading),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

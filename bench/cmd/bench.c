@@ -53,7 +53,7 @@ static enum bb_status run_options(const struct bb_cli *cli, const struct scenari
 	o->duration_s = s->duration_s;
 	enum bb_status st = bb_cli_number(cli, "plant-draw-us", 0, -1e6, 1e6, &draw_us, err);
 	if (st == BB_OK)
-		st = bb_cli_number(cli, "plant-bricks", 0, -1e6, 1e6, &bricks, err);
+		st = bb_cli_whole(cli, "plant-bricks", 0, -1e6, 1e6, &bricks, err);
 	if (st != BB_OK)
 		return st;
 	o->plant_draw_ns = (int64_t)(draw_us * 1e3);

@@ -82,11 +82,11 @@ static enum bb_status read_network(const struct bb_cli *cli, struct bb_barrier_t
 	if (st == BB_OK)
 		st = bb_cli_number(cli, "drift-ppm", c->drift_ppm, 0, 500, &c->drift_ppm, err);
 	if (st == BB_OK)
-		st = bb_cli_number(cli, "window", 64, 8, 512, &window, err);
+		st = bb_cli_whole(cli, "window", 64, 8, 512, &window, err);
 	if (st == BB_OK)
-		st = bb_cli_number(cli, "frames", 500, 10, 1e6, &frames, err);
+		st = bb_cli_whole(cli, "frames", 500, 10, 1e6, &frames, err);
 	if (st == BB_OK)
-		st = bb_cli_number(cli, "seed", 7, 0, 9007199254740992.0, &seed, err);
+		st = bb_cli_whole(cli, "seed", 7, 0, 9007199254740992.0, &seed, err);
 	if (st != BB_OK)
 		return st;
 	c->window = (unsigned)window;

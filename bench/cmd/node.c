@@ -17,6 +17,7 @@ static const struct bb_cli_option options[] = {
 	{ "duration", "S", "as the head's" },
 	{ "memory-mib", "N", "as the head's" },
 	{ "stream-bricks", "N", "as the head's" },
+	{ "plant-crystal-ppm", "N", "its clock runs that much too fast, to see it follow the head's (0)" },
 	{ NULL, NULL, NULL },
 };
 
@@ -30,18 +31,20 @@ static void interrupt(int number)
 static enum bb_status read_options(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
 {
 	double n = 0, index = 0, seed = 1, bricks = -1;
-	enum bb_status status = bb_cli_number(cli, "nodes", 2, 2, LINK_PROCESSES_MAX, &n, err);
+	enum bb_status status = bb_cli_whole(cli, "nodes", 2, 2, LINK_PROCESSES_MAX, &n, err);
 
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "index", BB_LINK_ANY, 1, BB_LINK_ANY, &index, err);
+		status = bb_cli_whole(cli, "index", BB_LINK_ANY, 1, BB_LINK_ANY, &index, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "seed", 1, 0, 9e15, &seed, err);
+		status = bb_cli_whole(cli, "seed", 1, 0, 9e15, &seed, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "duration", 0, 0.1, 86400, &o->duration_s, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "memory-mib", -1, 0, 65536, &o->memory_mib, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+		status = bb_cli_whole(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+	if (status == BB_OK)
+		status = bb_cli_number(cli, "plant-crystal-ppm", 0, -500, 500, &o->plant_crystal_ppm, err);
 	o->seed = (uint64_t)seed;
 	o->stream_bricks = (int64_t)bricks;
 	o->gl = bb_cli_get(cli, "gl", "auto");

@@ -70,10 +70,10 @@ static int run_measure(const struct bb_cli *cli)
 static enum bb_status sense_options(const struct bb_cli *cli, struct bb_sense_options *o, struct bb_error *err)
 {
 	double seed = 1, cycles = 12, noise = 1;
-	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, 9007199254740992.0, &seed, err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 1, 0, 9007199254740992.0, &seed, err);
 
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "cycles", 12, 9, 600, &cycles, err);
+		status = bb_cli_whole(cli, "cycles", 12, 9, 600, &cycles, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "noise", 1, 0, 100, &noise, err);
 	*o = (struct bb_sense_options){ .seed = (uint64_t)seed, .configured = bb_cli_has(cli, "configured"),

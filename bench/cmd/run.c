@@ -8,6 +8,7 @@
 #include "bench/cli.h"
 #include "bench/guardian.h"
 #include "bench/run.h"
+#include "bench/track_record/streaming.h"
 #include "drivers/link/peers.h"
 
 static const struct bb_cli_option options[] = {
@@ -24,6 +25,11 @@ static const struct bb_cli_option options[] = {
 	{ "token-file", "FILE", "the secret of those that join, mode 0600; \"-\" is standard input" },
 	{ "open", NULL, "let ZeroMQ listen on an address that is not loopback (with --token-file)" },
 	{ "restart", NULL, "start a process again that died" },
+	{ "record", "FILE", "what the tracker sees and says, for `track replay`; .zst: compressed" },
+	{ "stream", "LIST", "poses to other programs: natnet[:COMMAND[:DATA]],vrpn[:PORT] (--clock posix)" },
+	{ "bind", "ADDRESS", "stream from there instead of 127.0.0.1; not loopback: only with --allow" },
+	{ "allow", "ADDRESS", "who may connect from outside (repeatable)" },
+	{ "multicast", "ADDRESS", "NatNet frames to 239.255.42.99, out of the interface with this address" },
 	{ "list-faults", NULL, "print every fault verb and what it means" },
 	{ "duration", "S", "scene seconds instead of the scene's own" },
 	{ "fidelity", "CLASS=N", "model a device class at fidelity N, or -1 for not at all (repeatable)" },
@@ -114,18 +120,18 @@ static enum bb_status read_fidelity(const struct bb_cli *cli, struct bb_run_opti
 static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
 {
 	double seed, bricks, plant_us, plant_bricks;
-	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, 9e15, &seed, err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 1, 0, 9e15, &seed, err);
 
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "duration", 0, 0.1, 86400, &o->duration_s, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "memory-mib", -1, 0, 65536, &o->memory_mib, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
+		status = bb_cli_whole(cli, "stream-bricks", -1, 0, 1e6, &bricks, err);
 	if (status == BB_OK)
 		status = bb_cli_number(cli, "plant-draw-us", 0, 0, 1e6, &plant_us, err);
 	if (status == BB_OK)
-		status = bb_cli_number(cli, "plant-bricks", 0, 0, 1e6, &plant_bricks, err);
+		status = bb_cli_whole(cli, "plant-bricks", 0, 0, 1e6, &plant_bricks, err);
 	if (status != BB_OK)
 		return status;
 	o->seed = (uint64_t)seed;
@@ -141,7 +147,7 @@ static enum bb_status read_processes(const struct bb_cli *cli, struct bb_run_opt
 	const char *link = bb_cli_get(cli, "link", "shm");
 	static char uri[160];
 	double n;
-	const enum bb_status status = bb_cli_number(cli, "nodes", 1, 1, LINK_PROCESSES_MAX, &n, err);
+	const enum bb_status status = bb_cli_whole(cli, "nodes", 1, 1, LINK_PROCESSES_MAX, &n, err);
 
 	if (status != BB_OK)
 		return status;
@@ -233,6 +239,18 @@ static bool guarded(const struct bb_cli *cli, const struct bb_run_options *o, in
 	return go;
 }
 
+static enum bb_status read_outlets(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	static struct bb_mocap_config config;
+	const char *text = bb_cli_get(cli, "stream", NULL);
+
+	o->record_path = bb_cli_get(cli, "record", NULL);
+	if (!text)
+		return BB_OK;
+	o->stream = &config;
+	return bb_streaming_read(cli, text, &config, err);
+}
+
 static void warn_of_flashes(const struct bb_cli *cli)
 {
 	if (bb_cli_has(cli, "allow-flash"))
@@ -265,6 +283,8 @@ static int command(const struct bb_cli *cli)
 		status = read_words(cli, &o, &err);
 	if (status == BB_OK)
 		status = read_processes(cli, &o, &err);
+	if (status == BB_OK)
+		status = read_outlets(cli, &o, &err);
 	if (status == BB_OK)
 		status = read_faults(cli, &faults, &err);
 	o.faults = faults.fault;

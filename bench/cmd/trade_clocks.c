@@ -11,7 +11,7 @@ int bb_trade_clocks_run(const struct bb_cli *cli)
 	struct bb_error err = { 0 };
 	struct bb_clocks clocks;
 	double seed;
-	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, 9e15, &seed, &err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 1, 0, 9e15, &seed, &err);
 
 	if (status)
 		return bb_cli_fail(status, &err);

@@ -79,7 +79,7 @@ static enum bb_status run_point(const struct bb_cli *cli, enum bb_class c, int f
 {
 	struct bb_run_options o = bb_run_options_default();
 	double seed, duration, before;
-	enum bb_status st = bb_cli_number(cli, "seed", 7, 0, 9007199254740992.0, &seed, err);
+	enum bb_status st = bb_cli_whole(cli, "seed", 7, 0, 9007199254740992.0, &seed, err);
 
 	if (st == BB_OK)
 		st = bb_cli_number(cli, "duration", 0, 0, 1e6, &duration, err);

@@ -65,10 +65,10 @@ static enum bb_status read_generated(struct job *j, const char *kind, struct bb_
 {
 	const struct bb_cli *cli = j->cli;
 	double seed = 1, steps = 8;
-	enum bb_status status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
 
 	if (!status)
-		status = bb_cli_number(cli, "steps", 8, 1, 65536, &steps, err);
+		status = bb_cli_whole(cli, "steps", 8, 1, 65536, &steps, err);
 	if (!status && !bb_cli_whole_numbers(bb_cli_get(cli, "dim", "128x128x128"), 'x', j->config.dim, 3))
 		status = bb_fail(err, BB_ERR_USAGE, 1481, NULL, "--dim: '%.40s'", bb_cli_get(cli, "dim", ""));
 	j->config.generate = kind;
@@ -137,11 +137,11 @@ static enum bb_status read_numbers(struct job *j, struct bb_error *err)
 	enum bb_status status = bb_trade_size(cli, "320x240", &j->config.width_px, &j->config.height_px, err);
 
 	if (!status)
-		status = bb_cli_number(cli, "frames", 120, 1, 100000, &frames, err);
+		status = bb_cli_whole(cli, "frames", 120, 1, 100000, &frames, err);
 	if (!status)
-		status = bb_cli_number(cli, "pictures", 3, 1, fmin(frames, BB_TRADE_DRAWN_MOST), &pictures, err);
+		status = bb_cli_whole(cli, "pictures", 3, 1, fmin(frames, BB_TRADE_DRAWN_MOST), &pictures, err);
 	if (!status)
-		status = bb_cli_number(cli, "timed", 3, 1, BB_TRADE_TIMED_MOST, &timed, err);
+		status = bb_cli_whole(cli, "timed", 3, 1, BB_TRADE_TIMED_MOST, &timed, err);
 	if (!status)
 		status = bb_cli_number(cli, "frame-ms", BB_UNKNOWN, 0, 1e9, &j->frame_ms, err);
 	if (!status)

@@ -77,10 +77,10 @@ static enum bb_status read_words(const struct bb_cli *cli, struct bb_build_confi
 static enum bb_status read_numbers(const struct bb_cli *cli, struct bb_build_config *c, struct bb_error *err)
 {
 	double brick = 0, pad = 0, mib = 0;
-	enum bb_status status = bb_cli_number(cli, "brick", 32, 4, 64, &brick, err);
+	enum bb_status status = bb_cli_whole(cli, "brick", 32, 4, 64, &brick, err);
 
 	if (!status)
-		status = bb_cli_number(cli, "pad", 1, 0, BB_BRICKS_PAD_MOST, &pad, err);
+		status = bb_cli_whole(cli, "pad", 1, 0, BB_BRICKS_PAD_MOST, &pad, err);
 	if (!status)
 		status = bb_cli_number(cli, "memory", 512, 1, 1 << 20, &mib, err);
 	if (!status)

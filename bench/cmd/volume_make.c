@@ -15,9 +15,9 @@ enum bb_status bb_volume_make(const struct bb_cli *cli, const char *kind, struct
 	*out = NULL;
 	if (!bb_cli_whole_numbers(text, 'x', dim, 3))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--dim cannot be '%.60s'", text);
-	enum bb_status status = bb_cli_number(cli, "steps", 8, 1, 1 << 16, &n_steps, err);
+	enum bb_status status = bb_cli_whole(cli, "steps", 8, 1, 1 << 16, &n_steps, err);
 	if (!status)
-		status = bb_cli_number(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
+		status = bb_cli_whole(cli, "seed", 1, 0, UINT32_MAX, &seed, err);
 	if (!status)
 		status = bb_steps_generate(kind, dim, (uint32_t)n_steps, out, err);
 	if (!status)
@@ -29,7 +29,7 @@ enum bb_status bb_volume_threads(const struct bb_cli *cli, unsigned *out, struct
 {
 	double threads = 0;
 	const enum bb_status status =
-		bb_cli_number(cli, "threads", bb_parallel_processors(), 1, BB_PARALLEL_MOST, &threads, err);
+		bb_cli_whole(cli, "threads", bb_parallel_processors(), 1, BB_PARALLEL_MOST, &threads, err);
 
 	*out = (unsigned)threads;
 	return status;

@@ -41,7 +41,7 @@ static enum bb_status read_ask(const struct bb_cli *cli, struct selecting *s, st
 	const struct bb_tree *t = &bb_bricks_header(s->b)->tree;
 	const double leaves = (double)bb_choose_most(t);
 	double step = 0, memory = 0;
-	enum bb_status status = bb_cli_number(cli, "step", 0, 0, t->n_steps - 1.0, &step, err);
+	enum bb_status status = bb_cli_whole(cli, "step", 0, 0, t->n_steps - 1.0, &step, err);
 
 	if (!status)
 		status = bb_cli_number(cli, "memory", leaves < 8 ? 1 : leaves / 8, 1, 4e9, &memory, err);

@@ -489,15 +489,15 @@ static int command(const struct bb_cli *cli)
 
 	enum bb_status status = bb_cli_number(cli, "mib", 256, 1, 1 << 16, &mib, &err);
 	if (!status)
-		status = bb_cli_number(cli, "rounds", 199, 1, ROUNDS_MOST, &rounds, &err);
+		status = bb_cli_whole(cli, "rounds", 199, 1, ROUNDS_MOST, &rounds, &err);
 	if (!status)
-		status = bb_cli_number(cli, "batch", 64, 1, BB_BRICKS_BATCH_MOST, &batch, &err);
+		status = bb_cli_whole(cli, "batch", 64, 1, BB_BRICKS_BATCH_MOST, &batch, &err);
 	if (!status)
 		status = bb_volume_threads(cli, &threads, &err);
 	if (!status)
-		status = bb_cli_number(cli, "depth", 8, 1, BB_PARALLEL_MOST, &depth, &err);
+		status = bb_cli_whole(cli, "depth", 8, 1, BB_PARALLEL_MOST, &depth, &err);
 	if (!status)
-		status = bb_cli_number(cli, "seed", 1, 0, 1e9, &seed, &err);
+		status = bb_cli_whole(cli, "seed", 1, 0, 1e9, &seed, &err);
 	if (!status)
 		status = bb_bricks_open(cli->arg[0], &b, &err);
 	if (status)

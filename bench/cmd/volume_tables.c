@@ -135,7 +135,7 @@ static int command(const struct bb_cli *cli)
 	enum bb_status status = bb_cli_number(cli, "scale", 100, 1, 400, &j.scale, &err);
 
 	if (!status)
-		status = bb_cli_number(cli, "brick", 0, 4, 64, &j.brick, &err);
+		status = bb_cli_whole(cli, "brick", 0, 4, 64, &j.brick, &err);
 	if (!status)
 		status = bb_clock_posix_create(&j.clk);
 	if (status)

@@ -1,4 +1,5 @@
 /* bench/loop/frames.c: closes frames: once the last flip is known a frame becomes samples, spans and a row. */
+#include "bench/latency.h"
 #include "bench/loop/loop.h"
 
 #include <math.h>
@@ -111,17 +112,74 @@ static int64_t photon_ns(struct bb_frame_loop *l, const struct bb_frame *f, int6
 	return sequential ? bb_phase_open_ns(&l->phase, BB_EYE_LEFT, *middle_ns) : *middle_ns;
 }
 
-static enum bb_stage dearest(const int64_t from[], const int64_t to[])
+/* The links of bench/latency.h, one after the other; whoever took longest is to blame. */
+static bool chain(const struct bb_frame_loop *l, const struct bb_frame *f, const struct bb_node_times *t, int64_t middle_ns,
+                  int64_t photon, int32_t link_ns[BB_LINK_COUNT])
 {
-	enum bb_stage most = BB_STAGE_COUNT;
-	int64_t most_ns = 0;
+	/* On the virtual clock nothing of the head's takes time but what the profile says of the solving. */
+	const bool modelled = bb_clock_is_virtual(l->clk);
+	const int64_t end[BB_LINK_COUNT] = { f->exposed_ns, f->readout_end_ns, f->arrived_ns, f->start_ns, f->read_ns,
+		                             modelled ? f->tracked_ns : f->solved_ns, f->tracked_ns, t->received_ns,
+		                             t->selected_ns, t->ready_ns, t->released_ns, f->last_flip_ns, middle_ns, photon };
+	int64_t from_ns = f->mid_exposure_ns;
 
+	for (int i = 0; i < BB_LINK_COUNT; i++) {
+		const int64_t ns = end[i] - from_ns;
+		if (!end[i] || ns > INT32_MAX || ns < INT32_MIN)
+			return false;
+		link_ns[i] = (int32_t)ns;
+		from_ns = end[i];
+	}
+	return true;
+}
+
+static enum bb_stage stage_of(int link)
+{
+	static const enum bb_stage stage[BB_LINK_COUNT] = {
+		BB_STAGE_EXPOSE, BB_STAGE_EXPOSE, BB_STAGE_TRANSFER, BB_STAGE_WAIT, BB_STAGE_TRACK, BB_STAGE_TRACK, BB_STAGE_TRACK,
+		BB_STAGE_STATE, BB_STAGE_SELECT, BB_STAGE_DRAW, BB_STAGE_BARRIER, BB_STAGE_PRESENT, BB_STAGE_SCANOUT,
+		BB_STAGE_SHUTTER,
+	};
+
+	return stage[link];
+}
+
+static enum bb_stage dearest(const struct bb_frame_row *row)
+{
+	int64_t spent_ns[BB_STAGE_COUNT] = { 0 }, most_ns = 0;
+	enum bb_stage most = BB_STAGE_COUNT;
+
+	for (int i = 0; row->chained && i < BB_LINK_COUNT; i++)
+		spent_ns[stage_of(i)] += row->link_ns[i];
 	for (int i = 0; i < BB_STAGE_COUNT; i++)
-		if (to[i] - from[i] > most_ns) {
-			most_ns = to[i] - from[i];
+		if (spent_ns[i] > most_ns) {
+			most_ns = spent_ns[i];
 			most = (enum bb_stage)i;
 		}
 	return most;
+}
+
+static double angle_deg(struct bb_quat a, struct bb_quat b)
+{
+	return bb_quat_angle(a, b) * (180 / 3.14159265358979323846);
+}
+
+/* Against the world's truth when the light arrives: with prediction as shown, and without. */
+static void judge_photon(struct bb_frame_loop *l, const struct bb_frame *f, int64_t photon, struct bb_frame_row *row)
+{
+	if (!l->world)
+		return;
+	const struct bb_pose truth = sim_world_head(l->world, photon);
+	row->photon_error_mm = bb_vec3_norm(bb_vec3_sub(truth.p, f->eyes.p)) * 1e3;
+	row->photon_error_deg = angle_deg(truth.q, f->eyes.q);
+	bb_loop_path_point(l, photon, &truth.p, &f->eyes.p);
+	if (f->track_flags & BB_TRACK_NEVER)
+		return;
+	row->unpredicted_mm = bb_vec3_norm(bb_vec3_sub(truth.p, f->unpredicted.p)) * 1e3;
+	row->unpredicted_deg = angle_deg(truth.q, f->unpredicted.q);
+	row->horizon_ms = (double)(f->photon_ns - f->solved_at_ns) * 1e-6;
+	row->pose_sigma_mm = f->pose_sigma_mm;
+	sample(l, f, BB_METRIC_PHOTON_ERROR, row->photon_error_mm, 0, BB_NOBODY, BB_STAGE_TRACK);
 }
 
 static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct bb_frame_row *row)
@@ -133,30 +191,19 @@ static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct b
 	if (!f->n_flips || l->master_screen < 0)
 		return;
 	const int64_t photon = photon_ns(l, f, &middle_ns);
-	const int64_t from[BB_STAGE_COUNT] = { f->mid_exposure_ns, f->readout_end_ns, f->arrived_ns, f->start_ns,
-		                               f->tracked_ns, t->received_ns, t->selected_ns, t->ready_ns,
-		                               t->released_ns, f->last_flip_ns, middle_ns };
-	const int64_t to[BB_STAGE_COUNT] = { f->readout_end_ns, f->arrived_ns, f->start_ns, f->tracked_ns, t->received_ns,
-		                             t->selected_ns, t->ready_ns, t->released_ns, f->last_flip_ns, middle_ns,
-		                             photon };
 	span(l, f, BB_STAGE_PRESENT, node, t->released_ns, f->last_flip_ns);
 	span(l, f, BB_STAGE_SCANOUT, node, f->last_flip_ns, middle_ns);
 	span(l, f, BB_STAGE_SHUTTER, node, middle_ns, photon);
-	if (l->world) {
-		const struct bb_pose truth = sim_world_head(l->world, photon);
-		row->photon_error_mm = bb_vec3_norm(bb_vec3_sub(truth.p, f->eyes.p)) * 1e3;
-		if (!(f->track_flags & BB_TRACK_NEVER))
-			sample(l, f, BB_METRIC_PHOTON_ERROR, row->photon_error_mm, 0, BB_NOBODY, BB_STAGE_TRACK);
-		bb_loop_path_point(l, photon, &truth.p, &f->eyes.p);
-	}
+	judge_photon(l, f, photon, row);
 	if (!f->mid_exposure_ns)
 		return;
+	row->chained = chain(l, f, t, middle_ns, photon, row->link_ns);
 	row->head_to_photon_ms = (double)(photon - f->mid_exposure_ns) * 1e-6;
 	row->pose_age_ms = (double)(f->start_ns - f->mid_exposure_ns) * 1e-6;
 	/* The stamps it is made of: a camera's mid-exposure and a display's vblank. */
 	const double u_ms = ((double)bb_display_limits(l->rig->displays[f->last_flip_screen])->stamp_error_ns +
 	                     (double)l->camera_map[0].uncertainty_ns) * 1e-6; /* as much as can be before the first pair */
-	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(from, to));
+	sample(l, f, BB_METRIC_HEAD_TO_PHOTON, row->head_to_photon_ms, u_ms, node, dearest(row));
 }
 
 /* One more of a metric that counts: the judge adds the samples up. */
@@ -175,7 +222,9 @@ static void close_frame(struct bb_frame_loop *l, struct bb_frame *f)
 {
 	struct bb_frame_row row = { .frame = f->frame, .start_ns = f->start_ns, .head_to_photon_ms = (double)NAN, .frame_ms = (double)NAN,
 		                    .scanout_skew_us = (double)NAN, .phase_us = (double)NAN, .pose_age_ms = (double)NAN,
-		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = (double)NAN, .cameras = f->cameras,
+		                    .pose_error_mm = f->pose_error_mm, .photon_error_mm = (double)NAN, .unpredicted_mm = (double)NAN,
+		                    .photon_error_deg = (double)NAN, .unpredicted_deg = (double)NAN, .horizon_ms = (double)NAN,
+		                    .pose_sigma_mm = (double)NAN, .solved_sigma_mm = f->solved_sigma_mm, .cameras = f->cameras,
 		                    .bricks_wanted = f->bricks_wanted, .bricks_missing = f->bricks_missing,
 		                    .bricks_loaded = f->bricks_loaded, .late_node = UINT32_MAX, .bytes = f->bytes,
 		                    .deficit = f->deficit, .upload_ms = l->bricks ? (double)f->load_ns * 1e-6 : (double)NAN };

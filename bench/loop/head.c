@@ -41,21 +41,6 @@ static int64_t planned_photon_ns(const struct bb_frame_loop *l, int64_t start_ns
 	return middle_ns;
 }
 
-static void predict_head(struct bb_frame_loop *l, struct bb_frame *f)
-{
-	f->eyes = (struct bb_pose){ l->room->neutral, BB_QUAT_IDENTITY };
-	f->track_flags = BB_TRACK_NEVER;
-	if (!l->tracker)
-		return;
-	const struct bb_track_pose pose = bb_tracker_pose(l->tracker, 0, f->photon_ns);
-	f->eyes = pose.eyes;
-	f->track_flags = pose.flags;
-	const struct bb_sample tracked = { .value = pose.flags & (BB_TRACK_FROZEN | BB_TRACK_NEVER) ? 0 : 100,
-		                           .frame = f->frame, .at_ns = f->start_ns, .node = BB_NOBODY,
-		                           .stage = BB_STAGE_TRACK };
-	bb_ledger_sample(l->ledger, BB_METRIC_TRACKED, &tracked);
-}
-
 /* ---- begin ---- */
 
 static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
@@ -66,7 +51,7 @@ static struct bb_frame *open_frame(struct bb_frame_loop *l, int64_t now_ns)
 	f->frame = l->n_frames++;
 	f->open = true;
 	f->start_ns = now_ns;
-	f->pose_error_mm = (double)NAN;
+	f->pose_error_mm = f->solved_sigma_mm = (double)NAN;
 	f->last_node = BB_NOBODY;
 	for (size_t s = 0; s < l->room->n_screens; s++)
 		l->flipped[s] &= ~(UINT64_C(1) << f->frame % 64);
@@ -162,7 +147,7 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	for (int i = 0; i < BB_AHEAD; i++)
 		l->ahead[i] = bb_loop_steps_at(l->scene, n_steps, t_s + (i + 1) * l->scene->data.seconds_per_step);
 	f->photon_ns = planned_photon_ns(l, now_ns);
-	predict_head(l, f);
+	bb_pose_predict(l, f, scheduled_ns);
 	const int64_t cost_ns = l->tracker && !l->draw_everything ? (int64_t)head->profile.track_ns : 0;
 	if (bb_clock_arm(l->clk, &l->send, bb_clock_now_ns(l->clk) + cost_ns) != BB_OK)
 		bb_clock_stop(l->clk);
@@ -181,6 +166,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 	struct bb_message m = { .kind = BB_MESSAGE_STATE,
 		                      .frame = f->frame,
 		                      .photon_ns = f->photon_ns,
+		                      .silence_ns = bb_loop_silence_ns(l),
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
 		                      .scene_s = l->scene_s,

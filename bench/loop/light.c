@@ -24,7 +24,7 @@ struct gate { /* a stage's two shutters, or the glasses' two lenses */
 struct wall {
 	int stage;                /* of the chain; -1: none before its displays */
 	bool gated;               /* the glasses matter */
-	double n_screens, n_lit;
+	double n_screens, lit;
 	int64_t at_ns;            /* summed up to here */
 	double sum_ns[2], seen[2];
 	struct knot {             /* the sums as they were when a gate moved */
@@ -42,7 +42,7 @@ struct bb_light {
 	struct bb_flash_meter *meter;
 	struct gate glasses, stage[BB_STAGES_MAX];
 	struct wall *wall;
-	uint8_t *dark;            /* by screen */
+	double *share;            /* by screen: of the light asked for */
 	int64_t from_ns;
 	double grey;              /* the patch's */
 	int64_t edge_ns[3];       /* the glasses' last ones, newest first; 0: none */
@@ -413,12 +413,13 @@ static void watch_silence(struct bb_light *l, int64_t now_ns)
 	}
 }
 
-void bb_light_screen(struct bb_light *l, uint16_t screen, bool lit)
+void bb_light_screen(struct bb_light *l, uint16_t screen, double share)
 {
-	if (!l || l->dark[screen] == !lit)
+	if (!l)
 		return;
-	l->dark[screen] = !lit;
-	l->wall[l->c.room->screens[screen].wall].n_lit += lit ? 1 : -1;
+	const double is = l->c.drawn && share > 0 ? 1 : share; /* drawn pixels come with their share */
+	l->wall[l->c.room->screens[screen].wall].lit += is - l->share[screen];
+	l->share[screen] = is;
 }
 
 void bb_light_skip(struct bb_light *l, int64_t now_ns)
@@ -441,7 +442,7 @@ void bb_light_frame(struct bb_light *l, int64_t now_ns, double fade)
 		watch_silence(l, now_ns);
 	for (unsigned i = 0; i < l->c.room->n_walls; i++) {
 		struct wall *w = &l->wall[i];
-		const double lit = w->n_screens > 0 ? w->n_lit / w->n_screens : 1;
+		const double lit = w->n_screens > 0 ? fmax(0, w->lit) / w->n_screens : 1;
 		int64_t from_ns, to_ns;
 
 		settle(l, w, now_ns);
@@ -497,7 +498,8 @@ static void init_walls(struct bb_light *l)
 		struct wall *w = &l->wall[room->screens[s].wall];
 		const enum bb_stereo stereo = room->screens[s].display.stereo;
 		w->n_screens++;
-		w->n_lit++;
+		w->lit++;
+		l->share[s] = 1;
 		w->gated = room->has_chain && stereo != BB_STEREO_MONO;
 		w->stage = stereo == BB_STEREO_DUAL_PROJECTOR ? stage_of(room, room->screens[s].wall) : -1;
 	}
@@ -516,9 +518,9 @@ enum bb_status bb_light_create(const struct bb_light_config *c, struct bb_light 
 	if (l) {
 		l->c = *c;
 		l->wall = calloc(c->room->n_walls + 1, sizeof(*l->wall));
-		l->dark = calloc(c->room->n_screens + 1, 1);
+		l->share = calloc(c->room->n_screens + 1, sizeof(*l->share));
 	}
-	if (l && l->wall && l->dark && corners) {
+	if (l && l->wall && l->share && corners) {
 		for (size_t w = 0; w < c->room->n_walls; w++)
 			corners[w] = c->room->walls[w].corners;
 		init_walls(l);
@@ -540,6 +542,6 @@ void bb_light_destroy(struct bb_light *l)
 		return;
 	bb_flash_destroy(l->meter);
 	free(l->wall);
-	free(l->dark);
+	free(l->share);
 	free(l);
 }

@@ -28,8 +28,8 @@ void bb_light_destroy(struct bb_light *l); /* NULL allowed */
 /* Of the shutters: an edge; all of them opened; what they do from now on is their own clocks' affair. */
 void bb_light_edge(struct bb_light *l, const struct bb_shutter_edge *e);
 void bb_light_open(struct bb_light *l, int64_t at_ns);
-/* Of the displays: is this screen lit? */
-void bb_light_screen(struct bb_light *l, uint16_t screen, bool lit);
+/* Of the displays: how much of the light asked for does this screen show? 0: it is dark. */
+void bb_light_screen(struct bb_light *l, uint16_t screen, double share);
 /* Of the pictures: pixels of a screen for an eye (mono: 0), as they will be shown. */
 void bb_light_pixels(struct bb_light *l, uint16_t screen, unsigned eye, const struct bb_image *image);
 /* Of the scene's patch: what it shows at this time of the scene. */

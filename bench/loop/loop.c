@@ -7,11 +7,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "bench/loop/follow.h"
 #include "bench/loop/lock.h"
+#include "bench/loop/outlets.h"
 #include "bench/loop/remote.h"
+#include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
 
-#define BARRIER_PERIODS 3    /* time-out of the swap barrier (row N1: silent after 3 T) */
+#define DRIFT_HOLD_NS INT64_C(1600000000) /* row K9: named within 2 s, the quarter of a second it looks over included */
+#define BARRIER_HALVES 5     /* of a period: time-out of the swap barrier (row N1: silent after 3 T) */
+#define SILENCE_PERIODS 3    /* row N8: and then the head is */
 #define BARRIER_DROP_AFTER 1 /* or the others would stop again */
 #define BARRIER_DRAWN_NS (5 * BB_NS_PER_S) /* all nodes draw in this one process, one after another */
 #define BARRIER_LEAST_NS (BB_NS_PER_S / 20)    /* processes: the scheduler alone may keep one for so long */
@@ -25,10 +30,17 @@ bool bb_loop_interrupted(const struct bb_frame_loop *l)
 int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l)
 {
 	if (l->processes && l->usual_ns) {
-		const int64_t usual_ns = BARRIER_PERIODS * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns);
+		const int64_t usual_ns = BARRIER_HALVES * (l->usual_ns > l->frame_ns ? l->usual_ns : l->frame_ns) / 2;
 		return usual_ns > BARRIER_LEAST_NS ? usual_ns : BARRIER_LEAST_NS;
 	}
-	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_PERIODS * l->frame_ns;
+	return l->draw_everything ? BARRIER_DRAWN_NS : BARRIER_HALVES * l->frame_ns / 2;
+}
+
+int64_t bb_loop_silence_ns(const struct bb_frame_loop *l)
+{
+	const int64_t most_ns = bb_loop_barrier_timeout_ns(l) + l->frame_ns / 2, usual_ns = SILENCE_PERIODS * l->frame_ns;
+
+	return most_ns > usual_ns ? most_ns : usual_ns;
 }
 
 unsigned bb_loop_head(const struct bb_frame_loop *l)
@@ -138,6 +150,7 @@ static enum bb_status create_node(struct bb_frame_loop *l, uint16_t index, struc
 	n->index = index;
 	n->source = bb_eventlog_source(l->events, "node", l->room->nodes[index].id);
 	n->quality = 1;
+	bb_orphan_init(n);
 	n->inbox = (struct bb_timer){ .step = bb_node_inbox, .rank = 3 };
 	n->ready = (struct bb_timer){ .step = bb_node_ready, .rank = 3 };
 	n->hold = (struct bb_timer){ .step = bb_node_present, .rank = 3 };
@@ -169,22 +182,36 @@ static struct bb_vec3 around(struct bb_vec3 corner, struct bb_vec3 viewer, int s
 		                 sign * fmax(sign * corner.z, sign * viewer.z + 1) };
 }
 
-static enum bb_status create_tracker(struct bb_frame_loop *l)
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
 	double sigma_px = 0.02;
+	int64_t period_ns = BB_NS_PER_S;
 
-	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
-		return BB_OK;
-	for (size_t i = 0; i < room->n_cameras; i++)
+	for (size_t i = 0; i < room->n_cameras; i++) {
 		sigma_px = fmax(sigma_px, bb_camera_limits(l->rig->cameras[i])->blob_error_px);
-	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
+		if (bb_rate_period_ns(room->cameras[i].rate) < period_ns)
+			period_ns = bb_rate_period_ns(room->cameras[i].rate);
+	}
+	/* Also a camera that lost its trigger (row K10) joins what the others saw in its period: alone it has no depth. */
+	return (struct bb_tracker_config){ .cameras = room->cameras, .n_cameras = room->n_cameras,
 		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
-		                             .blob_sigma_px = sigma_px, .group_ns = 500000, .freeze_ns = 100000000,
+		                             .blob_sigma_px = sigma_px, .group_ns = period_ns * 3 / 4, .freeze_ns = 100000000,
 		                             .room_min = around(room->min, room->neutral, -1),
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
-	return bb_tracker_create(&c, &l->tracker);
+}
+
+static enum bb_status create_tracker(struct bb_frame_loop *l)
+{
+	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !l->room->n_cameras || !l->room->n_bodies)
+		return BB_OK;
+	const struct bb_tracker_config c = bb_loop_tracker_config(l);
+	const struct bb_drift_config drift = { .cameras = c.cameras, .n_cameras = c.n_cameras, .noise_px = c.blob_sigma_px,
+		                               .hold_ns = DRIFT_HOLD_NS };
+	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	l->pose_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
+	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 
 static enum bb_status start_cameras(struct bb_frame_loop *l)
@@ -193,7 +220,7 @@ static enum bb_status start_cameras(struct bb_frame_loop *l)
 		if (!l->rig->cameras[i])
 			continue;
 		bb_timemap_init(&l->camera_map[i], bb_camera_limits(l->rig->cameras[i])->least_latency_ns);
-		l->camera_slot[i] = bb_watch_slot(l->watch, "camera", l->room->cameras[i].id);
+		bb_cameras_begin(l, i);
 		const enum bb_status status = bb_camera_start(l->rig->cameras[i]);
 		if (status != BB_OK)
 			return status;
@@ -228,17 +255,7 @@ static bool take_memory(struct bb_frame_loop *l)
 
 	l->nodes = calloc(r->n_nodes, sizeof(*l->nodes));
 	l->camera_map = calloc(r->n_cameras + 1, sizeof(*l->camera_map));
-	l->camera_seq = calloc(r->n_cameras + 1, sizeof(*l->camera_seq));
-	l->camera_seen_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_seen_ns));
-	l->camera_blind = calloc(r->n_cameras + 1, sizeof(*l->camera_blind));
-	l->camera_same = calloc(r->n_cameras + 1, sizeof(*l->camera_same));
-	l->camera_astray = calloc(r->n_cameras + 1, sizeof(*l->camera_astray));
-	l->camera_sum = calloc(r->n_cameras + 1, sizeof(*l->camera_sum));
-	l->camera_phase_ns = calloc(r->n_cameras + 1, sizeof(*l->camera_phase_ns));
-	l->camera_phased = calloc(r->n_cameras + 1, sizeof(*l->camera_phased));
-	l->camera_unused = calloc(r->n_cameras + 1, sizeof(*l->camera_unused));
-	l->camera_used = calloc(r->n_cameras + 1, sizeof(*l->camera_used));
-	l->camera_slot = calloc(r->n_cameras + 1, sizeof(*l->camera_slot));
+	l->cameras = calloc(r->n_cameras + 1, sizeof(*l->cameras));
 	l->gamepad_slot = calloc(r->n_gamepads + 1, sizeof(*l->gamepad_slot));
 	l->pads = calloc(r->n_gamepads + 1, sizeof(*l->pads));
 	l->node_slot = calloc(r->n_nodes + 1, sizeof(*l->node_slot));
@@ -247,7 +264,7 @@ static bool take_memory(struct bb_frame_loop *l)
 	l->reads = calloc(TRACK_READS_MAX, sizeof(*l->reads));
 	l->blobs = calloc(TRACK_READS_MAX, BB_CAMERA_BLOBS_MAX * sizeof(*l->blobs));
 	l->result->path = calloc(l->path_cap, sizeof(*l->result->path));
-	return l->nodes && l->camera_map && l->camera_seq && l->camera_seen_ns && l->camera_blind && l->camera_same && l->camera_astray && l->camera_sum && l->camera_phase_ns && l->camera_phased && l->camera_unused && l->camera_used && l->camera_slot &&
+	return l->nodes && l->camera_map && l->cameras &&
 	       l->gamepad_slot && l->pads && l->node_slot && l->display_slot && l->flipped && l->reads && l->blobs &&
 	       l->result->path;
 }
@@ -278,7 +295,11 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = bb_lock_create(l, err);
 	if (status == BB_OK)
+		status = bb_follow_create(l, &l->follow);
+	if (status == BB_OK)
 		status = create_tracker(l);
+	if (status == BB_OK && l->tracker)
+		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
@@ -299,12 +320,14 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_clock_disarm(l->clk, &l->beat);
 	bb_clock_disarm(l->clk, &l->look_after);
 	bb_lock_destroy(l);
+	bb_follow_destroy(l->follow);
 	bb_clock_disarm(l->clk, &l->eyes.watch);
 	for (size_t i = 0; l->nodes && i < l->room->n_nodes; i++) {
 		struct bb_node_machine *n = &l->nodes[i];
 		bb_clock_disarm(l->clk, &n->inbox);
 		bb_clock_disarm(l->clk, &n->ready);
 		bb_clock_disarm(l->clk, &n->hold);
+		bb_clock_disarm(l->clk, &n->orphan.watch);
 		bb_stream_io_stop(n->io);
 		bb_stream_disk_stop(n->disk);
 		bb_stream_destroy(n->stream);
@@ -312,23 +335,16 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->views);
 		free(n->target);
 	}
+	bb_outlets_close(l);
 	bb_tracker_destroy(l->tracker);
+	bb_drift_destroy(l->drift);
+	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);
 	free(l->nodes);
 	free(l->camera_map);
-	free(l->camera_seq);
-	free(l->camera_seen_ns);
-	free(l->camera_blind);
-	free(l->camera_same);
-	free(l->camera_astray);
-	free(l->camera_sum);
-	free(l->camera_phase_ns);
-	free(l->camera_phased);
-	free(l->camera_unused);
-	free(l->camera_used);
-	free(l->camera_slot);
+	free(l->cameras);
 	free(l->gamepad_slot);
 	free(l->pads);
 	free(l->node_slot);
@@ -416,7 +432,8 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK && l->world)
 		status = sim_faults_start(l->world);
 	for (size_t i = 0; i < l->room->n_cameras; i++)
-		l->camera_seen_ns[i] = l->scene_start_ns;
+		l->cameras[i].seen_ns = l->scene_start_ns;
+	bb_pose_begin(l);
 	start_counts(l);
 	bb_clock_run_until(l->clk, l->scene_start_ns);
 	bb_eyes_init(l);
@@ -428,6 +445,7 @@ enum bb_status bb_loop_run(struct bb_frame_loop *l, struct bb_error *err)
 		return bb_fail(err, status, 1503, NULL, "starting the scene: %s", bb_status_text(status));
 	/* The loop stops the clock itself at its first frame past the end. */
 	bb_clock_run_until(l->clk, l->end_ns + 60 * BB_NS_PER_S);
+	bb_remote_end(l);
 	l->result->truncated = bb_loop_interrupted(l);
 	bb_lock_prove(l);
 	/* The last frames' flips would come after the end: they are let go, not judged. */

@@ -5,7 +5,9 @@
  *             navigation; scene state to every node; swap barrier; release.
  *   node.c    on scene state: select, stream, draw (or cost the drawing); arrive; on release: present.
  *   streaming.c  what every node asked of its disk and what that cost its frames.
+ *   orphan.c  what a node does while it hears nothing of the head: hold, fade, wait in the dark.
  *   frames.c  what each frame did, closed into the ledger when its last flip is known.
+ *   tracking.c  camera frames -> tracker; cameras.c watches over every camera; pose.c makes its pose the pictures'.
  *   shutters.c, eyes of the room: edges -> phase, polarity.
  *   eyes.c    what the eyes are let see: shutters open or running, stereo or mono, faded; light.c how bright that is.
  *
@@ -26,11 +28,12 @@
 #include "bench/watch.h"
 #include "sim/world.h"
 #include "sync/barrier.h"
+#include "sync/calibrate/drift.h"
 #include "sync/framelock/straggler.h"
 #include "sync/phase.h"
 #include "sync/polarity.h"
 #include "sync/sync_guard.h"
-#include "sync/track/tracker.h"
+#include "sync/track/steady.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
 #define BB_FRAMES_RING 8
@@ -46,8 +49,12 @@ struct bb_frame {
 	uint64_t frame;
 	bool open;
 	int64_t start_ns, photon_ns;      /* begin at the head; the photon time the pose was predicted for */
-	int64_t mid_exposure_ns, readout_end_ns, arrived_ns, tracked_ns; /* of the newest camera frame used; 0: none */
-	struct bb_pose eyes;              /* predicted to photon_ns */
+	int64_t mid_exposure_ns, exposed_ns, readout_end_ns, arrived_ns; /* of the newest camera frame used; 0: none */
+	int64_t read_ns, solved_ns, tracked_ns; /* the cameras are read; their blobs solved; the state goes out */
+	struct bb_pose eyes, unpredicted; /* for photon_ns; as the newest solution left them */
+	int64_t solved_at_ns;             /* mid-exposure of that solution */
+	double pose_sigma_mm, solved_sigma_mm;
+	enum bb_steady_state pose_state;
 	unsigned track_flags;
 	uint32_t cameras;
 	double pose_error_mm;
@@ -68,6 +75,7 @@ struct bb_frame {
 
 struct bb_frame_loop;
 struct bb_loop_lock;
+struct bb_follow;
 struct bb_nodes;
 
 struct bb_pad { /* one gamepad */
@@ -79,6 +87,27 @@ struct bb_pad { /* one gamepad */
 	uint32_t stuck;                   /* bit i: axis i has been told of, */
 	size_t stuck_warning[BB_PAD_AXES]; /* by this */
 	bool drift_told, battery_told;
+};
+
+enum bb_camera_trouble {
+	BB_CAMERA_FRAMES,  /* lost, or gone with it */
+	BB_CAMERA_SIGHT, BB_CAMERA_FLOOD, BB_CAMERA_PLACE, BB_CAMERA_TRIGGER,
+	BB_CAMERA_TROUBLES
+};
+
+struct bb_camera_watch { /* cameras.c: one camera */
+	size_t slot[BB_CAMERA_TROUBLES];  /* all "camera/<id>" */
+	unsigned good[BB_CAMERA_TROUBLES]; /* frames in a row without it */
+	uint32_t seq;
+	int64_t seen_ns;                  /* arrival of the newest frame */
+	uint64_t failures;                /* of the device, seen so far */
+	double lost_share;                /* of the last frames */
+	uint32_t blind, same, unused, astray; /* frames in a row: no blobs though expected; the very same ones; none that the
+	                                         tracker could use; away from their place in the sync */
+	uint64_t sum, used;
+	double drift_px;                  /* the most of this drift */
+	double phase_ns;                  /* that place */
+	bool phased;
 };
 
 struct bb_eyes { /* eyes.c */
@@ -96,6 +125,34 @@ struct bb_eyes { /* eyes.c */
 struct bb_view_cause { /* what a node's views follow from */
 	struct bb_pose navigation, eyes;
 	uint32_t depth, swapped;
+};
+
+/* What head and nodes say to each other, as bytes on the link (one build, one machine: native layout). */
+enum bb_message_kind { BB_MESSAGE_STATE = 0x6201, BB_MESSAGE_ARRIVE, BB_MESSAGE_RELEASE,
+                       BB_MESSAGE_OVER /* the scene is: nothing more will be heard */ };
+struct bb_message {
+	uint32_t kind;
+	uint32_t swapped;                 /* by stage of the chain: its wall gets the other eye's view */
+	uint64_t frame;
+	int64_t photon_ns;
+	int64_t silence_ns;               /* how long the head may not be heard of from here on */
+	struct bb_pose eyes, navigation;
+	double scene_s, steps, ahead[BB_AHEAD];
+	int16_t way;
+	uint16_t quality;                 /* of the draw */
+	uint16_t depth, light;            /* 0 .. BB_WHOLE, as quality: the eyes' distance and the pictures' brightness, of their own */
+};
+#define BB_WHOLE 65535
+
+struct bb_orphan { /* orphan.c: a node and whether it hears of the head */
+	struct bb_timer watch;
+	struct bb_safe_state safe;
+	struct bb_message last;           /* the newest state */
+	int64_t heard_ns;
+	double light;                     /* of this node's walls, beside what the head asks for */
+	bool alone;
+	uint64_t pictured;                /* newest frame + 1 whose pictures were taken without the head */
+	size_t slot;
 };
 
 struct bb_node_machine { /* one node of the room */
@@ -121,6 +178,7 @@ struct bb_node_machine { /* one node of the room */
 	bool made;
 	unsigned view_flags;
 	struct bb_timer inbox, ready, hold;
+	struct bb_orphan orphan;
 	double quality;                   /* of a draw: samples, as a share of the scene's */
 	size_t coarse;                    /* 1 + the warning that it is less than all; 0: none */
 	uint32_t *target;                 /* by screen: vblank its last image was presented for */
@@ -141,6 +199,12 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
+	struct bb_drift *drift;           /* with it */
+	struct bb_steady steady;
+	size_t pose_slot;                 /* "tracker/<body>" */
+	int64_t pose_ns;                  /* of the newest solution */
+	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
+	struct bb_outlets *outlets;       /* bench/loop/outlets.h; NULL: nobody listens and nothing is recorded */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
@@ -167,6 +231,7 @@ struct bb_frame_loop {
 	struct bb_node_machine *nodes;    /* by room node */
 
 	struct bb_nodes *processes;       /* NULL: all nodes are played in this process */
+	struct bb_follow *follow;         /* bench/loop/follow.h; NULL: one process */
 	uint64_t ready_processes;         /* bits */
 	size_t gone_slot[BB_NODES_MAX];   /* "node/<id>" once more: late is one thing, dead another */
 	struct bb_timer beat, look_after; /* bench/loop/remote.c */
@@ -185,21 +250,13 @@ struct bb_frame_loop {
 
 	struct bb_timemap *camera_map;    /* by camera */
 	uint64_t *flipped;                /* by screen: bit frame % 64, set when it showed that frame */
-	uint32_t *camera_seq;
+	struct bb_camera_watch *cameras;  /* by camera */
 	int64_t due_ns;                   /* when the next frame was to begin */
 	int64_t turn_ns;                  /* when the devices were read last */
 	int64_t wall_ahead_ns;            /* of this process's time, once */
 	bool wall_known;
 	bool was_away;                    /* drawing kept the loop from reading for so long that queues ran over */
-	int64_t *camera_seen_ns;          /* arrival of the newest frame */
-	uint32_t *camera_blind;           /* frames in a row without blobs where some were expected */
-	uint32_t *camera_same;            /* frames in a row with the very same blobs */
-	uint32_t *camera_astray;          /* frames in a row away from their place in the sync */
-	uint32_t *camera_unused;          /* frames in a row whose blobs the tracker could not use */
-	uint64_t *camera_sum, *camera_used;
-	double *camera_phase_ns;          /* that place */
-	bool *camera_phased;
-	size_t *camera_slot, *gamepad_slot, *node_slot, *display_slot;
+	size_t *gamepad_slot, *node_slot, *display_slot;
 	struct bb_pad *pads;              /* by gamepad */
 	int64_t pad_read_ns;
 	size_t shutter_slot, polarity_slot, rhythm_slot; /* all "shutter/<chain>": each can fail on its own */
@@ -211,23 +268,9 @@ struct bb_frame_loop {
 
 BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_frame_loop *loop, struct bb_error *err);
 void bb_loop_destroy(struct bb_frame_loop *loop);
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *loop);
 /* Runs the scene from now on; returns when it is over. */
 BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_frame_loop *loop, struct bb_error *err);
-
-/* What head and nodes say to each other, as bytes on the link (one build, one machine: native layout). */
-enum bb_message_kind { BB_MESSAGE_STATE = 0x6201, BB_MESSAGE_ARRIVE, BB_MESSAGE_RELEASE };
-struct bb_message {
-	uint32_t kind;
-	uint32_t swapped;                 /* by stage of the chain: its wall gets the other eye's view */
-	uint64_t frame;
-	int64_t photon_ns;
-	struct bb_pose eyes, navigation;
-	double scene_s, steps, ahead[BB_AHEAD];
-	int16_t way;
-	uint16_t quality;                 /* of the draw */
-	uint16_t depth, light;            /* 0 .. BB_WHOLE, as quality: the eyes' distance and the pictures' brightness, of their own */
-};
-#define BB_WHOLE 65535
 
 /* Between the loop's files. */
 struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame); /* NULL once closed */
@@ -240,6 +283,7 @@ double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l);
+int64_t bb_loop_silence_ns(const struct bb_frame_loop *l); /* nodes that hear nothing of the head for so long are without it */
 bool bb_loop_interrupted(const struct bb_frame_loop *l);
 bool bb_head_stopped(struct bb_frame_loop *l, int64_t now_ns); /* true: somebody wants it to end, and its shutters are open */
 /* Releases the barrier when all that are waited for are there, or the time is over. */
@@ -255,6 +299,16 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 int64_t bb_head_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_head_deadline(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 int64_t bb_node_inbox(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
+void bb_orphan_init(struct bb_node_machine *n);
+/* A message of the head's. */
+void bb_orphan_heard(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+/* What the node's own light makes of a state, whose pictures are about to be drawn. */
+struct bb_message bb_orphan_dim(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+/* Are the walls of all nodes dark, or did they never have a picture? */
+bool bb_orphans_rest(const struct bb_frame_loop *l);
+/* The newest pictures again, at the light of m. */
+void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+void bb_node_take_pictures(struct bb_node_machine *n, const struct bb_message *m);
 /* Books what a frame of a node took: its bricks; its time, when it is drawn; a flip of one of its screens. */
 void bb_node_book(struct bb_node_machine *n, struct bb_frame *f, const struct bb_stream_counts *c, int64_t now_ns);
 void bb_node_drawn(struct bb_node_machine *n, struct bb_frame *f, int64_t ready_ns, int64_t now_ns);
@@ -277,6 +331,9 @@ void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
 int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_pose_begin(struct bb_frame_loop *l);
+void bb_pose_note(struct bb_frame_loop *l, const struct bb_track_solution *s);
+void bb_pose_predict(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
 void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns);
 void bb_frames_close(struct bb_frame_loop *l, uint64_t before);
 

@@ -143,7 +143,7 @@ static struct bb_stream_counts select_bricks(struct bb_node_machine *n, const st
 	return c;
 }
 
-static void take_pictures(struct bb_node_machine *n, const struct bb_message *m)
+void bb_node_take_pictures(struct bb_node_machine *n, const struct bb_message *m)
 {
 	struct bb_frame_loop *l = n->loop;
 	const struct bb_vec3 hand = bb_pose_apply(&m->eyes, (struct bb_vec3){ 0.2, -0.3, -0.5 });
@@ -225,15 +225,16 @@ static int64_t dragged_ns(const struct bb_node_machine *n)
 	return (int64_t)((double)n->draw_ns * (double)ppm * 1e-6);
 }
 
-static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
+static void begin(struct bb_node_machine *n, const struct bb_message *told, int64_t now_ns)
 {
 	struct bb_frame_loop *l = n->loop;
-	struct bb_frame *f = bb_loop_frame(l, m->frame);
+	struct bb_frame *f = bb_loop_frame(l, told->frame);
 
 	if (l->world && sim_world_node_dead(l->world, n->index, now_ns))
 		return;
 	if (l->lock && n->ready.slot)
 		return; /* flips at planned times wait for nobody: what is being drawn is drawn to its end */
+	const struct bb_message own = bb_orphan_dim(n, told, now_ns), *m = &own;
 	n->frame = m->frame;
 	n->quality = m->quality ? m->quality / (double)BB_WHOLE : 1;
 	l->scene_s = m->scene_s;
@@ -251,7 +252,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *m, int64_t
 		ready_ns = bb_clock_now_ns(l->clk) + plant_ns(l, n, now_ns);
 	}
 	if (l->picture_frame)
-		take_pictures(n, m);
+		bb_node_take_pictures(n, m);
 	if (f) {
 		f->node[n->index].received_ns = now_ns;
 		f->node[n->index].selected_ns = selected_ns;
@@ -344,7 +345,7 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 			bb_result_count(l->result, "frames_left_out", 1);
 		else if (status == BB_OK)
 			status = present_screen(n, s, &v);
-		bb_light_screen(l->light, n->screens[s], status >= 0 || status == BB_ERR_BUSY);
+		bb_light_screen(l->light, n->screens[s], status >= 0 || status == BB_ERR_BUSY ? n->orphan.light : 0);
 		if (status >= 0)
 			continue;
 		bb_result_count(l->result, "presents_refused", 1);
@@ -374,6 +375,13 @@ static int64_t hold_until_ns(const struct bb_node_machine *n, int64_t now_ns)
 			until_ns = due_ns;
 	}
 	return until_ns;
+}
+
+void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
+{
+	if (n->loop->draw_everything)
+		draw_all(n, m->light);
+	present(n, now_ns);
 }
 
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
@@ -457,6 +465,7 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 
 void bb_node_hear(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
 {
+	bb_orphan_heard(n, m, now_ns);
 	if (m->kind == BB_MESSAGE_STATE)
 		begin(n, m, now_ns);
 	else if (m->kind == BB_MESSAGE_RELEASE)

@@ -15,6 +15,8 @@
 #define BATTERY_LOW 0.15F
 #define YAW_DEG_PER_S 12.0
 #define WALK_M_PER_S 0.15
+#define STEEP 0.2                      /* cosine: steeper than that a line of sight has little of a heading */
+#define DEG (180 / 3.14159265358979323846)
 #define NAVIGATION_MOST_M 0.3          /* how far from where the scene put the viewer */
 
 static float most_deflection(const struct bb_pad_report *r)
@@ -130,13 +132,27 @@ static double clamp(double v, double most)
 	return fmax(-most, fmin(most, v));
 }
 
-static void move(struct bb_pose *nav, const struct bb_pad_report *r, bool space, double dt_s)
+/*
+ * The head's heading and pitch without its roll. Who looks straight down or up has no heading by the line of sight, but by
+ * the crown of the head, which then points ahead or back.
+ */
+static struct bb_quat line_of_sight(struct bb_quat head)
+{
+	const struct bb_vec3 ahead = bb_quat_rotate(head, (struct bb_vec3){ 0, 0, -1 });
+	const struct bb_vec3 up = bb_quat_rotate(head, (struct bb_vec3){ 0, ahead.y > 0 ? -1 : 1, 0 });
+	const double crown = fmax(0, 1 - hypot(ahead.x, ahead.z) / STEEP); /* from the one to the other without a jump */
+	const struct bb_vec3 heading = bb_vec3_add(ahead, bb_vec3_scale(up, crown));
+
+	return bb_quat_euler_deg(atan2(-heading.x, -heading.z) * DEG, asin(clamp(ahead.y, 1)) * DEG, 0);
+}
+
+static void move(struct bb_pose *nav, const struct bb_pad_report *r, bool space, double dt_s, struct bb_quat along)
 {
 	const double yaw = (double)(space ? r->axis[4] : r->axis[2]);
 	const struct bb_vec3 step = { (double)r->axis[0], space ? (double)r->axis[1] : 0,
-		                      (double)(space ? r->axis[2] : -r->axis[1]) };
+		                      (double)(space ? r->axis[2] : r->axis[1]) }; /* ahead is negative: a stick pushed away, and -z */
 
-	nav->p = bb_vec3_add(nav->p, bb_quat_rotate(nav->q, bb_vec3_scale(step, WALK_M_PER_S * dt_s)));
+	nav->p = bb_vec3_add(nav->p, bb_quat_rotate(bb_quat_mul(nav->q, along), bb_vec3_scale(step, WALK_M_PER_S * dt_s)));
 	nav->p = (struct bb_vec3){ clamp(nav->p.x, NAVIGATION_MOST_M), clamp(nav->p.y, NAVIGATION_MOST_M),
 		                   clamp(nav->p.z, NAVIGATION_MOST_M) };
 	nav->q = bb_quat_unit(bb_quat_mul(bb_quat_euler_deg(-yaw * YAW_DEG_PER_S * dt_s, 0, 0), nav->q));
@@ -148,6 +164,9 @@ void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns)
 	double emptiest = (double)INFINITY;
 	int64_t stuck_ns = 0;
 	bool any = false;
+	/* As the pictures show the head: held, and neutral, with them. */
+	const bool by_head = l->scene->steer_by == BB_STEER_HEAD;
+	const struct bb_quat along = by_head ? line_of_sight(l->steady.last.q) : BB_QUAT_IDENTITY;
 
 	l->pad_read_ns = now_ns;
 	for (size_t i = 0; i < l->room->n_gamepads; i++) {
@@ -156,7 +175,7 @@ void bb_pads_read(struct bb_frame_loop *l, int64_t now_ns)
 		const bool space = l->room->gamepads[i].model == BB_PAD_SPACEMOUSE;
 		const double part = drives(l, i, now_ns);
 		if (part > 0)
-			move(&l->navigation, &l->pads[i].report, space, part * dt_s);
+			move(&l->navigation, &l->pads[i].report, space, part * dt_s, along);
 		const int64_t ns = watch_axes(l, i, now_ns);
 		watch_battery(l, i, now_ns);
 		any = true;

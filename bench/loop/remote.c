@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/loop/follow.h"
 #include "bench/stats.h"
 
 #define READY_WITHIN_NS (120 * BB_NS_PER_S)
@@ -121,6 +122,7 @@ void bb_remote_tell(struct bb_frame_loop *l)
 		return;
 	bb_result_fact(l->result, "processes", "%u over %.*s", bb_nodes_count(l->processes),
 	               (int)strcspn(link_address(l->rig->link), ":"), link_address(l->rig->link));
+	bb_follow_tell(l->follow, l->result);
 	tell_late(l, "wake_late_head_us", true);
 	tell_late(l, "wake_late_nodes_us", false);
 	tell_floor(l, "timer_floor_busy_us", FLOOR_WAKES_BUSY); /* the others still run */
@@ -202,6 +204,15 @@ enum bb_status bb_remote_start(struct bb_frame_loop *l)
 		fprintf(stderr, "%u processes are ready: the scene begins\n", bb_nodes_count(l->processes));
 	l->look_after = (struct bb_timer){ .step = look_after, .rank = 4 };
 	return bb_clock_arm(l->clk, &l->look_after, l->scene_start_ns);
+}
+
+void bb_remote_end(struct bb_frame_loop *l)
+{
+	const struct bb_message m = { .kind = BB_MESSAGE_OVER };
+
+	for (unsigned i = 0; l->processes && i < l->room->n_nodes; i++)
+		if (!bb_remote_plays(l, i))
+			bb_loop_say(l, bb_loop_head(l), i, &m);
 }
 
 static void hear_ready(struct bb_frame_loop *l, const struct told_message *m)
@@ -309,8 +320,10 @@ static int64_t watch_head(struct bb_timer *timer, int64_t scheduled_ns, int64_t 
 	const struct link_peer head = link_peer(l->rig->link, 0);
 
 	(void)scheduled_ns;
-	if (head.state != LINK_PEER_JOINED || now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS) ||
-	    bb_loop_interrupted(l))
+	const bool gone = head.state != LINK_PEER_JOINED ||
+	                  now_ns - head.heard_ns > (l->scene_start_ns ? SILENT_NS : READY_WITHIN_NS);
+	/* A head that died has its walls faded before the process goes: row N8. */
+	if (bb_loop_interrupted(l) || head.left || (gone && bb_orphans_rest(l)))
 		bb_clock_stop(l->clk);
 	return now_ns + BB_NS_PER_S / 20;
 }
@@ -333,6 +346,8 @@ enum bb_status bb_remote_serve(struct bb_frame_loop *l, struct bb_error *err)
 	}
 	if (status == BB_OK)
 		status = bb_clock_arm(l->clk, &l->look_after, bb_clock_now_ns(l->clk));
+	if (status == BB_OK)
+		status = bb_follow_begin(l->follow);
 	if (status != BB_OK)
 		return bb_fail(err, status, 1503, NULL, "starting the nodes: %s", bb_status_text(status));
 	bb_clock_run_until(l->clk, BB_NEVER - BB_NS_PER_S);
@@ -350,6 +365,8 @@ bool bb_remote_hear(struct bb_frame_loop *l, const struct bb_link_message *packe
 	struct told_message m;
 	struct bb_message state;
 
+	if (bb_follow_hear(l->follow, packet, now_ns))
+		return true;
 	if (packet->n_bytes == sizeof(state) && !head) {
 		memcpy(&state, packet->bytes, sizeof(state));
 		if (state.kind == BB_MESSAGE_STATE)

@@ -18,6 +18,8 @@ bool bb_remote_only_plays(const struct bb_frame_loop *l);
 BB_MUST_CHECK enum bb_status bb_remote_gather(struct bb_frame_loop *l, struct bb_error *err);
 /* Head: the scene begins at l->scene_start_ns. From here on it looks after the others. */
 BB_MUST_CHECK enum bb_status bb_remote_start(struct bb_frame_loop *l);
+/* Head: it is over. */
+void bb_remote_end(struct bb_frame_loop *l);
 /* Head: a frame began that late. */
 void bb_remote_woke(struct bb_frame_loop *l, int64_t scheduled_ns, int64_t now_ns);
 /* Head, at the end: how late the processes woke, and what this machine's timers can do. */

@@ -162,6 +162,7 @@ static enum bb_status join(struct bb_nodes *n, struct bb_error *err)
 		return bb_fail(err, BB_ERR_LOST, 1674, NULL, "%.100s: nobody answers", n->o->processes.link);
 	n->group.process = link_process(n->link);
 	bb_clock_set_zero(n->clk, link_head_zero_ns(n->link, &uncertainty_ns));
+	bb_clock_plant_crystal(n->clk, n->o->plant_crystal_ppm * 1e3);
 	return BB_OK;
 }
 

@@ -3,6 +3,7 @@
  * its id. Column names never change meaning; new ones are added at the end. One thread.
  */
 #include "bench/file.h"
+#include "bench/latency.h"
 #include "bench/result.h"
 
 #include <math.h>
@@ -53,6 +54,16 @@ static void put_row(FILE *f, const struct bb_run_result *r, const struct bb_fram
 	put_flags(f, row->flags);
 	fprintf(f, ",%llu", (unsigned long long)row->deficit);
 	put_number(f, row->upload_ms);
+	put_number(f, row->photon_error_deg);
+	put_number(f, row->unpredicted_mm);
+	put_number(f, row->unpredicted_deg);
+	put_number(f, row->pose_sigma_mm);
+	put_number(f, row->solved_sigma_mm);
+	for (int i = 0; i < BB_LINK_COUNT; i++)
+		if (row->chained)
+			fprintf(f, ",%.3f", row->link_ns[i] * 1e-3);
+		else
+			fputs(",NA", f);
 	fputs("\n", f);
 }
 
@@ -68,8 +79,12 @@ enum bb_status bb_result_write_csv(const struct bb_run_result *r, const char *pa
 	fputs("frame,start_clock_ns,start_scene_s,head_to_photon_ms,frame_ms,swap_skew_us,scanout_skew_us,phase_us,"
 	      "pose_age_ms,pose_error_mm,photon_error_mm,cameras_count,bricks_wanted_count,bricks_missing_count,"
 	      "bricks_loaded_count,streamed_bytes,late_node,flags,"
-	      "level_deficit_cells,brick_load_ms\n",
+	      "level_deficit_cells,brick_load_ms,"
+	      "photon_error_deg,unpredicted_error_mm,unpredicted_error_deg,pose_sigma_mm,solved_sigma_mm",
 	      f.out);
+	for (int i = 0; i < BB_LINK_COUNT; i++)
+		fprintf(f.out, ",link_%s_us", bb_latency_name((enum bb_link_id)i));
+	fputs("\n", f.out);
 	for (size_t i = 0; i < n; i++)
 		put_row(f.out, r, &row[i]);
 	return bb_file_commit(&f, err);

@@ -140,7 +140,8 @@ static void put_latency(FILE *f, const struct bb_run_result *r)
 {
 	begin(f, "latency", "Where the time goes",
 	      "From the middle of a camera's exposure to light through an open shutter, stage by stage.");
-	bb_plot_stack(f, r);
+	bb_report_latency(f, r);
+	fputs("<h3>All spans of all nodes</h3>\n", f);
 	bb_report_stages(f, r);
 	fputs("<div class=\"two\">", f);
 	bb_plot_distribution(f, r, BB_METRIC_HEAD_TO_PHOTON, "Head to photon");

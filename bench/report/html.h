@@ -1,11 +1,12 @@
 /*
  * bench/report/html.h: report.html: one file that works offline, asks the network for nothing and runs no script.
- * The parts live in html.c (order and head), tables.c, streaming.c (what a volume asked of the disk), pictures.c, plots.c
+ * The parts live in html.c (order and head), tables.c, streaming.c (what a volume asked of the disk), latency.c, pictures.c, plots.c
  * (SVG), cells.c and style.c. All device and file text passes through bb_put_markup. One thread, after the run.
  */
 #ifndef BB_BENCH_REPORT_HTML_H
 #define BB_BENCH_REPORT_HTML_H
 
+#include "bench/latency.h"
 #include "bench/result.h"
 
 #include <stdio.h>
@@ -20,6 +21,7 @@ extern const char bb_report_style[]; /* CSS */
 /* Parts; each writes one section's inside. */
 void bb_report_verdicts(FILE *f, const struct bb_run_result *r);
 void bb_report_trouble(FILE *f, const struct bb_run_result *r);
+void bb_report_latency(FILE *f, const struct bb_run_result *r);
 void bb_report_stages(FILE *f, const struct bb_run_result *r);
 void bb_report_nodes(FILE *f, const struct bb_run_result *r);
 void bb_report_devices(FILE *f, const struct bb_run_result *r);
@@ -29,7 +31,7 @@ void bb_report_facts(FILE *f, const struct bb_run_result *r);
 void bb_report_streaming(FILE *f, const struct bb_run_result *r);
 void bb_report_pictures(FILE *f, const struct bb_run_result *r, const char *dir);
 
-void bb_plot_stack(FILE *f, const struct bb_run_result *r);
+void bb_plot_waterfall(FILE *f, const struct bb_run_result *r, const struct bb_latency *l);
 void bb_plot_distribution(FILE *f, const struct bb_run_result *r, enum bb_metric metric, const char *title);
 void bb_plot_series(FILE *f, const struct bb_run_result *r);
 void bb_plot_streaming(FILE *f, const struct bb_run_result *r);

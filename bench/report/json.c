@@ -4,6 +4,7 @@
  */
 #include "bench/file.h"
 #include "bench/gate.h"
+#include "bench/latency.h"
 #include "bench/stats.h"
 
 #include <jansson.h>
@@ -120,6 +121,55 @@ static json_t *stages_json(const struct bb_run_result *r)
 		json_array_append_new(a, o);
 	}
 	return a;
+}
+
+static json_t *link_json(const struct bb_run_result *r, const struct bb_latency_link *k)
+{
+	json_t *o = json_object();
+
+	json_object_set_new(o, "link", json_string(k->name));
+	json_object_set_new(o, "owner", json_string(k->owner));
+	json_object_set_new(o, "by", json_string(k->modelled ? "modelled" : "measured"));
+	json_object_set_new(o, "unit", json_string("ms"));
+	json_object_set_new(o, "uncertainty", number(k->uncertainty_ms));
+	json_object_set_new(o, "summary", summary_json(r, &k->summary));
+	return o;
+}
+
+static json_t *prediction_json(const struct bb_prediction *p)
+{
+	json_t *o = json_object();
+
+	json_object_set_new(o, "frames", whole(p->n));
+	json_object_set_new(o, "horizon_ms", number(p->horizon_ms));
+	json_object_set_new(o, "with_rms_mm", number(p->with_mm));
+	json_object_set_new(o, "without_rms_mm", number(p->without_mm));
+	json_object_set_new(o, "with_rms_deg", number(p->with_deg));
+	json_object_set_new(o, "without_rms_deg", number(p->without_deg));
+	return o;
+}
+
+static json_t *latency_json(const struct bb_run_result *r)
+{
+	struct bb_latency l;
+	json_t *o, *a;
+
+	if (!bb_latency_of(r, &l) || !l.n)
+		return json_null();
+	o = json_object();
+	a = json_array();
+	for (int i = 0; i < BB_LINK_COUNT; i++)
+		json_array_append_new(a, link_json(r, &l.link[i]));
+	json_object_set_new(o, "frames", whole(l.n));
+	json_object_set_new(o, "links", a);
+	json_object_set_new(o, "total", summary_json(r, &l.total));
+	json_object_set_new(o, "uncertainty", number(l.uncertainty_ms));
+	json_object_set_new(o, "within_50_ms", number(l.within_50));
+	json_object_set_new(o, "within_20_ms", number(l.within_20));
+	json_object_set_new(o, "floor_ms", number(l.floor_ms));
+	json_object_set_new(o, "attack", text(l.attack));
+	json_object_set_new(o, "prediction", prediction_json(&l.prediction));
+	return o;
 }
 
 static json_t *devices_json(const struct bb_run_result *r)
@@ -378,6 +428,7 @@ char *bb_result_json_text(const struct bb_run_result *r)
 	json_object_set_new(root, "faults", faults_json(r));
 	json_object_set_new(root, "black_box", black_json(r));
 	json_object_set_new(root, "stages", stages_json(r));
+	json_object_set_new(root, "latency", latency_json(r));
 	json_object_set_new(root, "devices", devices_json(r));
 	json_object_set_new(root, "pictures", pictures_json(r));
 	json_object_set_new(root, "streaming", streaming_json(r));

@@ -1,5 +1,5 @@
 /*
- * bench/report/plots.c: the report's figures as inline SVG: the latency stack, distributions, every frame over time.
+ * bench/report/plots.c: the report's figures as inline SVG: the way of a frame, distributions, every frame over time.
  * Coordinates are user units of an SVG 1048 wide; long runs are reduced to one minimum and maximum a column.
  */
 #include "bench/report/html.h"
@@ -120,39 +120,38 @@ static void begin_svg(FILE *f, double width, double height, const char *label)
 	fputs("\">", f);
 }
 
-/* ---- the latency stack ---- */
+/* ---- the way of a frame ---- */
 
-static double stage_median(const struct bb_run_result *r, enum bb_stage stage)
+static enum bb_stage stage_of(int link)
 {
-	for (size_t i = 0; i < r->n_stages; i++)
-		if (r->stages[i].stage == stage && r->stages[i].node == UINT16_MAX)
-			return isfinite(r->stages[i].summary.p50) ? fmax(r->stages[i].summary.p50, 0) : 0;
-	return 0;
+	static const enum bb_stage stage[BB_LINK_COUNT] = {
+		BB_STAGE_EXPOSE, BB_STAGE_EXPOSE, BB_STAGE_TRANSFER, BB_STAGE_WAIT, BB_STAGE_TRACK, BB_STAGE_TRACK, BB_STAGE_TRACK,
+		BB_STAGE_STATE, BB_STAGE_SELECT, BB_STAGE_DRAW, BB_STAGE_BARRIER, BB_STAGE_PRESENT, BB_STAGE_SCANOUT,
+		BB_STAGE_SHUTTER,
+	};
+
+	return stage[link];
 }
 
-static void put_segments(FILE *f, const struct bb_run_result *r, const struct axes *a)
-{
-	double at = 0;
-	char text[64], number[32];
+#define ROW 19.0
 
-	for (size_t s = 0; s < BB_STAGE_COUNT; s++) {
-		const double ms = stage_median(r, (enum bb_stage)s), x = x_of(a, at), w = x_of(a, at + ms) - x;
-		const char *name = bb_stage_text((enum bb_stage)s);
-		const bool pale = s == BB_STAGE_WAIT || s == BB_STAGE_BARRIER || s == BB_STAGE_SHUTTER;
-		at += ms;
-		if (w <= 0)
-			continue;
-		fprintf(f, "<rect x=\"%.2f\" y=\"%.1f\" width=\"%.2f\" height=\"%.1f\" fill=\"%s\"><title>", x, a->top,
-		        fmax(w - 0.8, 0.6), a->bottom - a->top, bb_stage_colour((enum bb_stage)s));
-		bb_put_markupf(f, "%s: median %.3f ms", name, ms);
-		fputs("</title></rect>", f);
-		if (w < 52)
-			continue;
-		bb_text_format(text, sizeof(text), "%s", name);
-		put_text(f, x + w / 2, a->top + 18, "middle", pale ? INK : "#ffffff", text);
-		bb_text_format(number, sizeof(number), "%.2f", ms);
-		put_text(f, x + w / 2, a->top + 33, "middle", pale ? INK : "#ffffff", number);
-	}
+/* A bar from where the ones before end on average, as long as its mean; the whisker ends at its 99th percentile. */
+static void put_link(FILE *f, const struct axes *a, const struct bb_latency_link *k, int i, double from_ms)
+{
+	const double y = a->top + ROW * i, x = x_of(a, from_ms), w = x_of(a, from_ms + fmax(k->summary.mean, 0)) - x;
+	const char *colour = bb_stage_colour(stage_of(i));
+	char text[64];
+
+	put_text(f, a->left - 8, y + 14, "end", INK, k->name);
+	fprintf(f, "<rect x=\"%.2f\" y=\"%.1f\" width=\"%.2f\" height=\"%.1f\" fill=\"%s\"%s><title>", x, y + 3, fmax(w, 0.8), ROW - 6,
+	        colour, k->modelled ? " fill-opacity=\"0.45\" stroke-dasharray=\"3 2\" stroke=\"" SOFT "\"" : "");
+	bb_put_markupf(f, "%s: %s", k->name, k->help);
+	fputs("</title></rect>", f);
+	if (k->summary.p99 > k->summary.mean)
+		put_line(f, x + w, y + ROW / 2, fmin(x_of(a, from_ms + k->summary.p99), a->right), y + ROW / 2, colour,
+		         " stroke-width=\"1.5\"");
+	bb_text_format(text, sizeof(text), "%.2f, p99 %.2f%s", k->summary.mean, k->summary.p99, k->modelled ? ", modelled" : "");
+	put_text(f, WIDTH, y + 14, "end", SOFT, text);
 }
 
 static void put_marker(FILE *f, const struct axes *a, double v, const char *name, const char *colour, bool dashed,
@@ -183,27 +182,30 @@ static void put_limit_marker(FILE *f, const struct axes *a, const struct bb_budg
 	put_marker(f, a, b->budget.limit, name, LIMIT, true, label_y);
 }
 
-void bb_plot_stack(FILE *f, const struct bb_run_result *r)
+void bb_plot_waterfall(FILE *f, const struct bb_run_result *r, const struct bb_latency *l)
 {
-	const struct bb_summary all = bb_ledger_metric(r->ledger, BB_METRIC_HEAD_TO_PHOTON);
+	static const double goals[] = { 20, 50 };
 	const double limit = bb_report_limit(r, BB_METRIC_HEAD_TO_PHOTON);
-	double sum = 0;
+	const double high = fmax(fmax(52, isnan(limit) ? 0 : limit), l->total.p99) * 1.02;
+	const struct axes a = { 0, high, 0, 1, 78, WIDTH - 168, 40, 40 + ROW * BB_LINK_COUNT + 4 };
+	double from_ms = 0;
+	char text[32];
 
-	for (size_t s = 0; s < BB_STAGE_COUNT; s++)
-		sum += stage_median(r, (enum bb_stage)s);
-	if (!(sum > 0))
-		return;
-	const double high = fmax(fmax(sum, isnan(limit) ? 0 : limit), isnan(all.p99) ? 0 : all.p99) * 1.04;
-	const struct axes a = { 0, high, 0, 1, 0, WIDTH, 40, 84 };
-
-	fputs("<figure><figcaption><b>Median time in each stage</b>, ms; marks: head to photon as measured, and its "
-	      "limit</figcaption>",
-	      f);
-	begin_svg(f, WIDTH, 122, "Median time in each stage from exposure to photon");
-	put_segments(f, r, &a);
+	fputs("<figure><figcaption><b>From exposure to photon</b>, ms: each bar begins where the mean of those before ends; its whisker "
+	      "is its p99; pale and dashed: modelled</figcaption>", f);
+	begin_svg(f, WIDTH, a.bottom + 38, "Waterfall of the links from exposure to photon");
+	for (size_t i = 0; i < BB_ARRAY_LEN(goals); i++) {
+		bb_text_format(text, sizeof(text), "%.0f ms", goals[i]);
+		put_line(f, x_of(&a, goals[i]), 20, x_of(&a, goals[i]), a.bottom, RULE, "");
+		put_label(f, x_of(&a, goals[i]), 14, "middle", SOFT, text);
+	}
+	for (int i = 0; i < BB_LINK_COUNT; i++) {
+		put_link(f, &a, &l->link[i], i, from_ms);
+		from_ms += l->link[i].summary.mean;
+	}
 	put_x_axis(f, &a, 12, "ms");
-	put_marker(f, &a, all.p50, "median", INK, false, 30);
-	put_marker(f, &a, all.p99, "p99", INK, false, 14);
+	put_marker(f, &a, l->total.mean, "mean", INK, false, 30);
+	put_marker(f, &a, l->total.p99, "p99", INK, false, 14);
 	put_limit_marker(f, &a, bb_report_budget(r, BB_METRIC_HEAD_TO_PHOTON), 30);
 	fputs("</svg></figure>\n", f);
 }

@@ -71,7 +71,7 @@ static enum bb_status put_strip(struct bb_serve *s, struct strip *t, const struc
 static enum bb_status attach(struct bb_serve *s, void **state, struct bb_error *err)
 {
 	double port;
-	enum bb_status status = bb_cli_number(s->cli, "modbus-port", 1502, 0, 65535, &port, err);
+	enum bb_status status = bb_cli_whole(s->cli, "modbus-port", 1502, 0, 65535, &port, err);
 	struct strips *all = calloc(1, sizeof(*all) + s->room->n_pdus * sizeof(all->strip[0]));
 
 	*state = all;

@@ -209,7 +209,7 @@ static bool set_up(struct bb_serve *s, struct usb *u)
 static enum bb_status attach(struct bb_serve *s, void **state, struct bb_error *err)
 {
 	double port;
-	enum bb_status status = bb_cli_number(s->cli, "usbip-port", USBIP_PORT, 0, 65535, &port, err);
+	enum bb_status status = bb_cli_whole(s->cli, "usbip-port", USBIP_PORT, 0, 65535, &port, err);
 
 	if (status != BB_OK || !anything(s->room))
 		return status;

@@ -21,6 +21,8 @@ static const struct bb_option top_options[] = {
 	TEXT("transfer_function", transfer_function, false, "colours and opacities of the data"),
 	TEXT("head_path", head_path, false, "key poses of the viewer's eyes"),
 	TEXT("wand_path", wand_path, false, "key poses of the wand"),
+	{ "steer_by", BB_OPT_TYPE_ENUM, S(steer_by), 0, BB_STEER_PAD, 0, 0, 1, "pad|head", false,
+	  "where a pad's motion goes: as it says, or as the viewer's head is turned" },
 	{ "duration_s", BB_OPT_TYPE_F64, S(duration_s), 0, 10, 0.1, 86400, 1, NULL, true, "scene time of a run" },
 	BB_OPT_END
 };

@@ -6,7 +6,6 @@
 
 #include "sync/track/track.h"
 
-#define PRIOR_AGE_S 1.0 /* an older pose does not decide between twins */
 #define COLD_GATE_PX 8.0
 #define STRANGE 0.2    /* one marker in five that stands beside its place in every camera */
 #define AMBIGUOUS 20.0 /* a rival must be worse by this much squared sigma */
@@ -17,8 +16,9 @@ static void judge(struct bb_tracker *tr, const struct bb_track_set *set, size_t 
 	static const struct bb_track_gate gate = { 0.004, 0.05, COLD_GATE_PX };
 	const struct bb_track_body *b = &tr->bodies[body];
 
-	for (size_t i = 0; i < tr->cold.n_poses; i++) {
+	for (size_t i = 0; i < tr->cold.n_poses && tr->cold.refines < BB_TRACK_REFINES_MAX; i++) {
 		struct bb_track_candidate *c = &tr->trial;
+		tr->cold.refines++;
 		bb_track_set_motion(b, set, c);
 		bb_track_refine(tr, set, body, &tr->cold.pose[i], &gate, c);
 		if (!c->ok)
@@ -43,7 +43,7 @@ static bool settle(struct bb_tracker *tr, const struct bb_track_set *set, size_t
 
 	if (!tr->rival.ok || tr->best.score - tr->rival.score > AMBIGUOUS)
 		return true;
-	if (bb_track_prior(b, set->at_ns, PRIOR_AGE_S, &s))
+	if (bb_track_prior(b, set->at_ns, BB_TRACK_PRIOR_S, &s))
 		near = s.q;
 	else if (body == 0 && tr->config.n_cameras == 1)
 		near = tr->config.neutral.q;
@@ -92,25 +92,40 @@ static bool enough_blobs(const struct bb_tracker *tr, const struct bb_track_set 
 	return most >= 4 || (most >= 3 && all >= 5);
 }
 
+/* Too little to tell a body by when it is not where it was expected: four blobs of one camera leave two equations to
+ * judge by, and three markers of a larger body are three distances, which some three markers of others may have. */
+static bool thin(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
+		 const struct bb_track_candidate *c)
+{
+	const struct bb_track_body *b = &tr->bodies[body];
+	const bool alone = tr->config.n_bodies == 1;
+
+	if (bb_track_continues(b, set, &c->fit.pose, BB_TRACK_PRIOR_S))
+		return false;
+	if (c->n_seeing == 1 && c->n_obs < 5 && (!alone || tr->cold.n[c->obs[0].camera] > c->n_obs))
+		return true;
+	return !alone && c->n_markers == 3 && b->body->n_markers > 3;
+}
+
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
 		      struct bb_track_candidate *out)
 {
-	struct bb_filter_state s;
-	const bool known = bb_track_prior(&tr->bodies[body], set->at_ns, PRIOR_AGE_S, &s);
-
 	out->ok = tr->best.ok = tr->rival.ok = false;
 	if (!enough_blobs(tr, set))
 		return;
-	bb_track_match(tr, set, known ? &s.p : NULL);
+	tr->counted.cold_starts++;
+	bb_track_match(tr, set);
 	bb_track_label(tr, body);
 	judge(tr, set, body);
 	if (!tr->best.ok)
 		by_perspective(tr, set, body);
-	if (!tr->best.ok || !settle(tr, set, body))
+	if (!tr->best.ok)
 		return;
 	/* Some markers fit and others stand where none should be: a mirror image or a stranger. */
-	if (tr->best.n_markers < tr->bodies[body].body->n_markers &&
-	    bb_track_doubtful(tr, set, body, &tr->best, STRANGE))
+	if (!settle(tr, set, body) || thin(tr, set, body, &tr->best) || (tr->best.n_markers < tr->bodies[body].body->n_markers &&
+				       bb_track_doubtful(tr, set, body, &tr->best, STRANGE))) {
+		tr->counted.refused++;
 		return;
+	}
 	bb_track_swap(out, &tr->best);
 }

@@ -9,6 +9,7 @@
 
 #define NEAREST 3 /* blobs remembered per marker: nearer ones may belong to another marker */
 #define GATE_SIGMAS 4.0
+#define MERGE_NOISE 3.0 /* sigmas that noise may bring a blob of two nearer to one of them */
 #define BORDER_PX 1.0 /* nearer to the edge of the sensor a blob is cut off */
 
 struct pick {
@@ -23,16 +24,38 @@ static bool on_sensor(const struct bb_lens *lens, const double px[2])
 	       px[1] < lens->height_px - 1 - BORDER_PX;
 }
 
-/* The few nearest free blobs within the gate, appended sorted by distance to picks. */
-static size_t nearest_blobs(const struct bb_track_view *view, size_t body, const double px[2], double gate_px,
-			    uint8_t marker, struct pick *picks)
+/* Free blobs in the box about the markers' images: of many blobs only these are held against each marker. */
+static size_t blobs_in_reach(const struct bb_track_view *view, size_t body, const double px[][2], const bool *seen,
+			     size_t n, double gate_px, uint16_t *out)
+{
+	float low[2] = { INFINITY, INFINITY }, high[2] = { -INFINITY, -INFINITY };
+	size_t found = 0;
+
+	for (size_t m = 0; m < n; m++)
+		for (int k = 0; seen[m] && k < 2; k++) {
+			low[k] = fminf(low[k], (float)(px[m][k] - gate_px - 0.01));
+			high[k] = fmaxf(high[k], (float)(px[m][k] + gate_px + 0.01));
+		}
+	for (uint16_t i = 0; i < view->n; i++) {
+		const struct bb_blob *b = &view->blobs[i];
+		if (b->x_px > low[0] && b->x_px < high[0] && b->y_px > low[1] && b->y_px < high[1] &&
+		    (!view->owner[i] || view->owner[i] == body + 1))
+			out[found++] = i;
+	}
+	return found;
+}
+
+/* The few nearest blobs of a list within the gate, appended sorted by distance to picks. */
+static size_t nearest_blobs(const struct bb_track_view *view, const uint16_t *list, size_t n_list, const double px[2],
+			    double gate_px, uint8_t marker, struct pick *picks)
 {
 	size_t n = 0;
 
-	for (uint16_t i = 0; i < view->n; i++) {
+	for (size_t k = 0; k < n_list; k++) {
+		const uint16_t i = list[k];
 		const double dx = (double)view->blobs[i].x_px - px[0], dy = (double)view->blobs[i].y_px - px[1];
 		const double d2 = dx * dx + dy * dy;
-		if (!(d2 <= gate_px * gate_px) || (view->owner[i] && view->owner[i] != body + 1))
+		if (!(d2 <= gate_px * gate_px))
 			continue;
 		size_t at = n < NEAREST ? n++ : NEAREST;
 		for (; at > 0 && picks[at - 1].d2 > d2; at--)
@@ -99,22 +122,23 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 	const struct pick *chosen[BB_TRACK_MARKERS_MAX];
 	double px[BB_TRACK_MARKERS_MAX][2];
 	bool seen[BB_TRACK_MARKERS_MAX], got[BB_TRACK_MARKERS_MAX] = { false };
+	uint16_t list[BB_CAMERA_BLOBS_MAX];
 	size_t n_picks = 0;
 
-	if (!(depth > 0.01))
+	if (!(depth > 0.01) || !view->n)
 		return;
 	const double scale = fmax(lens->fx_px, lens->fy_px) / depth, arm = b->radius_m * gate->angle_sigma_rad;
 	const double metric = gate->position_sigma_m * gate->position_sigma_m + arm * arm;
 	const double sigma2 = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
 	const double wide = GATE_SIGMAS * sqrt(sigma2 + scale * scale * metric);
 	const double gate_px = fmax(BB_TRACK_GATE * tr->config.blob_sigma_px, fmin(wide, gate->most_px));
-	const double merge_px = 2 * BB_TRACK_GATE * tr->config.blob_sigma_px;
-	for (size_t m = 0; m < n; m++) {
+	const double merge_px = 2 * (BB_TRACK_GATE + MERGE_NOISE) * tr->config.blob_sigma_px;
+	for (size_t m = 0; m < n; m++)
 		seen[m] = bb_lens_project(lens, moved_to(c, markers[m], pivot, dt_s), px[m]) && on_sensor(lens, px[m]);
-		if (!seen[m])
-			continue;
-		n_picks += nearest_blobs(view, body, px[m], gate_px, (uint8_t)m, picks + n_picks);
-	}
+	const size_t n_list = blobs_in_reach(view, body, (const double(*)[2])px, seen, n, gate_px, list);
+	for (size_t m = 0; m < n; m++)
+		if (seen[m])
+			n_picks += nearest_blobs(view, list, n_list, px[m], gate_px, (uint8_t)m, picks + n_picks);
 	const size_t n_chosen = assign(picks, n_picks, chosen, got);
 	for (size_t i = 0; i < n_chosen; i++) {
 		const struct bb_blob *blob = &view->blobs[chosen[i]->blob];
@@ -181,8 +205,8 @@ static bool plausible(const struct bb_tracker *tr, size_t body, const struct bb_
 {
 	const struct bb_vec3 p = bb_pose_apply(&c->fit.pose, tr->bodies[body].centroid);
 	const struct bb_vec3 low = tr->config.room_min, high = tr->config.room_max;
-	const double var = c->fit.variance_m2[0] + c->fit.variance_m2[1] + c->fit.variance_m2[2];
-	const double turn = c->fit.variance_rad2[0] + c->fit.variance_rad2[1] + c->fit.variance_rad2[2];
+	const double(*cov)[6] = (const double(*)[6])c->fit.covariance;
+	const double turn = cov[0][0] + cov[1][1] + cov[2][2], var = cov[3][3] + cov[4][4] + cov[5][5];
 	const double margin = 0.5;
 
 	if (!(p.x > low.x - margin && p.y > low.y - margin && p.z > low.z - margin && p.x < high.x + margin &&

@@ -10,7 +10,7 @@
 
 #define TOLERANCE_SIGMAS 5.0
 #define TOLERANCE_LEAST_M 2e-6
-#define FITS_MAX 600    /* triples turned into poses per call */
+#define FITS_MAX 600    /* triples turned into poses per call, and as many as the set's budget has left */
 #define LABEL_POINTS 40 /* strongest points looked at */
 
 bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, const struct bb_pose *y)
@@ -121,14 +121,19 @@ void bb_track_label(struct bb_tracker *tr, size_t body)
 	struct bb_track_cold *cold = &tr->cold;
 	const size_t n = cold->n_points < LABEL_POINTS ? cold->n_points : LABEL_POINTS;
 	const struct bb_quat hold = b->filter.live ? b->filter.q : tr->config.neutral.q;
+	const uint32_t spent = tr->counted.last.poses;
+	const size_t most = spent < BB_TRACK_POSES_MAX - FITS_MAX ? FITS_MAX
+			    : spent < BB_TRACK_POSES_MAX	  ? BB_TRACK_POSES_MAX - spent
+								  : 0;
 	size_t fits = 0, p[3], m[3];
 
 	cold->n_poses = 0;
 	for (p[0] = 0; p[0] + 2 < n; p[0]++)
 		for (p[1] = p[0] + 1; p[1] + 1 < n; p[1]++)
 			for (m[0] = 0; m[0] < b->body->n_markers; m[0]++)
-				for (m[1] = 0; m[1] < b->body->n_markers && fits < FITS_MAX; m[1]++)
+				for (m[1] = 0; m[1] < b->body->n_markers && fits < most; m[1]++)
 					if (m[0] != m[1] && distance_fits(&cold->points[p[0]], &cold->points[p[1]],
 									  b->body->marker[m[0]], b->body->marker[m[1]]))
 						fits += third(cold, b, p, m, n, hold);
+	tr->counted.last.poses += (uint32_t)fits;
 }

@@ -22,7 +22,7 @@ struct scene { /* what stays the same over all labellings */
 	const struct bb_track_body *b;
 	const struct bb_lens *lens;
 	size_t camera, n;
-	size_t solves, triples;
+	size_t solves, poses, triples;
 	double best;
 };
 
@@ -89,6 +89,9 @@ static void try_labels(struct scene *s, struct bb_track_cold *cold, const size_t
 		struct bb_rigid fit;
 		for (int j = 0; j < 3; j++)
 			room[j] = bb_vec3_add(s->lens->o, bb_vec3_scale(y[j], depth[i][j]));
+		if (!bb_track_in_room(&s->tr->config, room[0]))
+			continue;
+		s->poses++;
 		if (!bb_rigid_fit(x, room, 3, 1e-6, BB_QUAT_IDENTITY, &fit))
 			continue;
 		const double own =
@@ -133,9 +136,12 @@ void bb_track_perspective(struct bb_tracker *tr, const struct bb_track_set *set,
 			for (k[2] = k[1] + 1; k[2] < s.n; k[2]++) {
 				/* A triple under all labels shows every twin as well, unless noise makes it miss one;
 				 * more than a few triples only help against strays. */
-				if ((s.best > all - 0.5 && s.triples >= TRIPLES_LEAST) || s.solves > SOLVES_MAX)
+				if ((s.best > all - 0.5 && s.triples >= TRIPLES_LEAST) || s.solves > SOLVES_MAX ||
+				    tr->counted.last.poses > BB_TRACK_POSES_MAX)
 					return;
+				const size_t before = s.poses;
 				all_labels(&s, &tr->cold, k);
+				tr->counted.last.poses += (uint32_t)(s.poses - before);
 				s.triples++;
 			}
 }

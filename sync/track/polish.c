@@ -139,16 +139,12 @@ static bool damped_step(const struct normal *eq, double damping, double d[6])
 
 static bool finish(struct bb_polish *p, const struct normal *eq)
 {
-	double l[6][6], cov[6][6];
+	double l[6][6];
 
 	memcpy(l, eq->n, sizeof(l));
 	if (!bb_chol6_factor(l))
 		return false;
-	bb_chol6_inverse(l, cov);
-	for (int i = 0; i < 3; i++) {
-		p->variance_rad2[i] = cov[i][i];
-		p->variance_m2[i] = cov[3 + i][3 + i];
-	}
+	bb_chol6_inverse(l, p->covariance);
 	p->chi2 = eq->chi2;
 	return true;
 }

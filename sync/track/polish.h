@@ -29,8 +29,7 @@ struct bb_polish {
 	struct bb_pose pose; /* in and out */
 
 	double chi2;             /* out: squared residuals in sigmas (not the robust ones) */
-	double variance_m2[3];   /* of the centroid, room axes */
-	double variance_rad2[3]; /* of the rotation vector, room axes; without the held roll */
+	double covariance[6][6]; /* of rotation vector (rad) and centroid (m), room axes; without the held roll */
 	double roll_sigma_rad;   /* of the least known rotation */
 	struct bb_vec3 roll_axis;
 	bool roll_held; /* markers on a line: the start's roll about roll_axis was kept */

@@ -13,8 +13,10 @@
 #define PATIENCE 16 /* failed sets before cold starts become rarer */
 #define RARER 4
 #define DOUBTS 3
+#define NOISE_PRIOR_DOF 200.0
+#define NOISE_SETS 128.0
+#define NOISE_LEAST 0.2 /* below, it is not the blobs that decide */
 #define CLEARLY 75.0 /* three more blobs explained */
-#define DEG_PER_RAD 57.29577951308232
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
 {
@@ -67,13 +69,16 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 {
 	struct bb_track_body *b = &tr->bodies[body];
 
-	if (!b->found.ok || !bb_track_doubtful(tr, set, body, &b->found, 1.0 / 3)) {
+	/* In a flood blobs stand around every body: that says nothing. */
+	if (!b->found.ok || tr->flooded || !bb_track_doubtful(tr, set, body, &b->found, 1.0 / 3)) {
 		b->doubts = 0;
 		return;
 	}
-	if (++b->doubts % PATIENCE != DOUBTS)
+	if (++b->doubts % PATIENCE != DOUBTS || tr->reconsidered)
 		return;
+	tr->reconsidered = true;
 	claim(set, body, &b->found, false);
+	tr->cold.matched = false; /* its blobs are to be matched as well */
 	bb_track_swap(&b->found, &tr->aside);
 	bb_track_acquire(tr, set, body, &b->found);
 	if (!b->found.ok || b->found.score < tr->aside.score + CLEARLY)
@@ -81,30 +86,45 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 	claim(set, body, &b->found, true);
 }
 
-/* Noise larger than configured shows in the residuals; the answer must not claim to know better. */
-static double inflation(const struct bb_track_candidate *c)
+/* What the residuals say of the blobs' noise, as a factor of the configured variance: over the last second or so, and
+ * of this set alone when it is clearly worse. The answer must claim to know neither better nor worse than it does. */
+static double noise_factor(struct bb_track_body *b)
 {
-	const double dof = 2.0 * (double)c->n_obs - 6;
+	const struct bb_track_candidate *c = &b->found;
+	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2 / dof : 0;
 
-	return dof > 0 ? fmax(1, c->fit.chi2 / dof) : 1;
+	if (!(b->noise_dof > 0)) { /* to begin with the configuration is believed */
+		b->noise_dof = b->noise_chi2 = NOISE_PRIOR_DOF;
+	}
+	const double before = fmax(b->noise_chi2 / b->noise_dof, NOISE_LEAST);
+	const double limit = dof > 0 ? before * (1 + 3 * sqrt(2 / dof)) : before;
+	b->noise_chi2 += fmax(dof, 0) * fmin(now, limit) - b->noise_chi2 / NOISE_SETS;
+	b->noise_dof += fmax(dof, 0) - b->noise_dof / NOISE_SETS;
+	return now > limit ? now : before;
+}
+
+void bb_track_pack(const double from[6][6], int at, double scale, double out[6])
+{
+	for (int r = 0, i = 0; r < 3; r++)
+		for (int c = r; c < 3; c++)
+			out[i++] = scale * scale * from[at + r][at + c];
+}
+
+double bb_track_trace(const double packed[6])
+{
+	return packed[0] + packed[3] + packed[5];
 }
 
 static struct bb_track_solution solution_of(const struct bb_tracker *tr, const struct bb_track_set *set,
-					    const struct bb_track_body *b)
+					    const struct bb_track_body *b, const double covariance[6][6])
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_polish *f = &c->fit;
-	const double more = inflation(c);
-	const double roll = f->roll_held ? f->roll_sigma_rad * f->roll_sigma_rad : 0;
-
-	return (struct bb_track_solution){
+	const double roll = f->roll_held ? BB_DEG_PER_RAD * f->roll_sigma_rad : 0;
+	struct bb_track_solution s = {
 		.at_ns = set->at_ns,
 		.body = f->pose,
 		.centroid = bb_pose_apply(&f->pose, b->centroid),
-		.position_sigma_mm = 1e3 * sqrt(more * (f->variance_m2[0] + f->variance_m2[1] + f->variance_m2[2])),
-		.angle_sigma_deg =
-			DEG_PER_RAD *
-			sqrt(more * (f->variance_rad2[0] + f->variance_rad2[1] + f->variance_rad2[2]) + roll),
 		.residual_px = tr->config.blob_sigma_px * sqrt(f->chi2 / (2 * (double)c->n_obs)),
 		.n_markers = c->n_markers,
 		.n_cameras = c->n_cameras,
@@ -112,18 +132,24 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
 			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
 	};
+
+	bb_track_pack(covariance, 0, BB_DEG_PER_RAD, s.covariance_deg2);
+	bb_track_pack(covariance, 3, 1e3, s.covariance_mm2);
+	s.position_sigma_mm = sqrt(bb_track_trace(s.covariance_mm2));
+	s.angle_sigma_deg = sqrt(bb_track_trace(s.covariance_deg2) + roll * roll);
+	return s;
 }
 
-/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
-static bool continues(const struct bb_track_body *b, const struct bb_track_set *set)
+bool bb_track_continues(const struct bb_track_body *b, const struct bb_track_set *set, const struct bb_pose *pose,
+			double max_age_s)
 {
 	struct bb_filter_state s;
 
-	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
+	if (!bb_track_prior(b, set->at_ns, max_age_s, &s))
 		return false;
-	const struct bb_vec3 off = bb_vec3_sub(bb_pose_apply(&b->found.fit.pose, b->centroid), s.p);
+	const struct bb_vec3 off = bb_vec3_sub(bb_pose_apply(pose, b->centroid), s.p);
 	return bb_vec3_norm(off) < 0.02 + 6 * s.position_sigma_m &&
-	       bb_quat_angle(b->found.fit.pose.q, s.q) < 0.1 + 6 * s.angle_sigma_rad;
+	       bb_quat_angle(pose->q, s.q) < 0.1 + 6 * s.angle_sigma_rad;
 }
 
 static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct bb_track_body *b)
@@ -131,18 +157,19 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	const struct bb_polish *f = &b->found.fit;
 	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
 	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
-	const double more = inflation(&b->found);
-	double var_m2[3], var_rad2[3];
+	const double more = noise_factor(b);
+	double covariance[6][6];
 
-	for (int i = 0; i < 3; i++) {
-		var_m2[i] = more * f->variance_m2[i];
-		var_rad2[i] = more * f->variance_rad2[i];
-	}
-	if (continues(b, set))
-		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2, hold);
+	for (int r = 0; r < 6; r++)
+		for (int c = 0; c < 6; c++)
+			covariance[r][c] = more * f->covariance[r][c];
+	const double(*cov)[6] = (const double(*)[6])covariance;
+	/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
+	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S))
+		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, cov, hold);
 	else
-		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, var_m2, var_rad2);
-	b->last = solution_of(tr, set, b);
+		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, cov);
+	b->last = solution_of(tr, set, b, cov);
 	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
 }
 
@@ -196,17 +223,45 @@ static void cold(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 		claim(set, body, &b->found, true);
 }
 
+static void begin(struct bb_tracker *tr, struct bb_track_set *set)
+{
+	tr->flooded = false;
+	for (size_t i = 0; i < tr->config.n_cameras; i++) {
+		memset(set->views[i].owner, 0, BB_CAMERA_BLOBS_MAX);
+		tr->flooded |= set->views[i].here && set->views[i].flooded;
+	}
+	tr->cold.matched = tr->reconsidered = false;
+	tr->cold.refines = tr->cold.looks = 0;
+	tr->counted.last = (struct bb_track_work){ 0 };
+	tr->counted.sets++;
+	tr->counted.floods += tr->flooded;
+}
+
+static void count_work(struct bb_tracker *tr)
+{
+	const struct bb_track_work *last = &tr->counted.last;
+	struct bb_track_work *most = &tr->counted.most;
+
+	/* What a set may cost must not always be spent on the same body. */
+	tr->turn += last->pairs >= BB_TRACK_PAIRS_MAX || last->poses >= BB_TRACK_POSES_MAX ||
+		    tr->cold.looks >= BB_TRACK_LOOKS_MAX || tr->cold.refines >= BB_TRACK_REFINES_MAX;
+	most->pairs = last->pairs > most->pairs ? last->pairs : most->pairs;
+	most->points = last->points > most->points ? last->points : most->points;
+	most->poses = last->poses > most->poses ? last->poses : most->poses;
+}
+
 void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set)
 {
 	const size_t n = tr->config.n_bodies;
 
-	for (size_t i = 0; i < tr->config.n_cameras; i++)
-		memset(set->views[i].owner, 0, BB_CAMERA_BLOBS_MAX);
+	begin(tr, set);
 	for (size_t i = 0; i < n; i++)
 		warm(tr, set, i);
-	for (size_t i = 0; i < n; i++)
+	for (size_t k = 0; k < n; k++) {
+		const size_t i = tr->order[(tr->turn + k) % n];
 		if (!tr->bodies[i].found.ok)
 			cold(tr, set, i);
+	}
 	for (size_t i = 0; i < n; i++) {
 		struct bb_track_body *b = &tr->bodies[i];
 		reconsider(tr, set, i);
@@ -216,4 +271,5 @@ void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set)
 			commit(tr, set, b);
 	}
 	count(tr, set);
+	count_work(tr);
 }

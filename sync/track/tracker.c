@@ -9,7 +9,7 @@
 
 #include "sync/track/track.h"
 
-#define FLOOD_BUCKETS 512       /* of 2 px: distance to the nearest prediction */
+#define FLOOD_BUCKETS 512       /* see bucket_of; the last one is for blobs that are none */
 #define GROUP_NS_MAX 1000000000 /* differences within a set must be summable */
 #define PREDICT_BACK_S 1.0      /* nobody asks for the pose of a minute ago */
 
@@ -93,7 +93,8 @@ static bool take_memory(struct bb_tracker *tr, size_t n_cameras, size_t n_bodies
 	tr->stats = calloc(n_cameras, sizeof(*tr->stats));
 	tr->mean_square_px2 = calloc(n_cameras, sizeof(*tr->mean_square_px2));
 	tr->bodies = calloc(n_bodies, sizeof(*tr->bodies));
-	ok = ok && tr->lenses && tr->stats && tr->mean_square_px2 && tr->bodies;
+	tr->flood = calloc(BB_TRACK_FLOOD_MAX, sizeof(*tr->flood));
+	ok = ok && tr->flood && tr->lenses && tr->stats && tr->mean_square_px2 && tr->bodies;
 	for (size_t i = 0; ok && i < n_bodies; i++)
 		ok = take_candidate(&tr->bodies[i].found, n_cameras);
 	for (size_t i = 0; ok && i <= BB_TRACK_SETS; i++)
@@ -111,6 +112,18 @@ static void know_body(struct bb_track_body *b, const struct bb_body *body)
 	b->centroid = bb_vec3_scale(sum, 1 / (double)body->n_markers);
 	for (size_t i = 0; i < body->n_markers; i++)
 		b->radius_m = fmax(b->radius_m, bb_vec3_norm(bb_vec3_sub(body->marker[i], b->centroid)));
+}
+
+/* Of two bodies the one with more markers can be told with more certainty: it looks first, and a body that is a part of
+ * another does not take its blobs. */
+static void order_bodies(struct bb_tracker *tr)
+{
+	for (uint8_t i = 0; i < tr->config.n_bodies; i++) {
+		size_t at = i;
+		for (; at > 0 && tr->bodies[tr->order[at - 1]].body->n_markers < tr->bodies[i].body->n_markers; at--)
+			tr->order[at] = tr->order[at - 1];
+		tr->order[at] = i;
+	}
 }
 
 enum bb_status bb_tracker_create(const struct bb_tracker_config *config, struct bb_tracker **out)
@@ -133,6 +146,7 @@ enum bb_status bb_tracker_create(const struct bb_tracker_config *config, struct 
 	}
 	for (size_t i = 0; i < config->n_bodies; i++)
 		know_body(&tr->bodies[i], &config->bodies[i]);
+	order_bodies(tr);
 	for (size_t i = 0; i < config->n_cameras; i++)
 		if (!bb_lens_init(&tr->lenses[i], &config->cameras[i])) {
 			bb_tracker_destroy(tr);
@@ -170,6 +184,7 @@ void bb_tracker_destroy(struct bb_tracker *tr)
 	free(tr->rival.obs);
 	free(tr->aside.obs);
 	free(tr->lenses);
+	free(tr->flood);
 	free(tr->stats);
 	free(tr->mean_square_px2);
 	free(tr->bodies);
@@ -294,16 +309,19 @@ static size_t predicted_px(const struct bb_tracker *tr, size_t camera, int64_t m
 	return n;
 }
 
-static size_t bucket_of(const struct bb_blob *b, const double px[][2], size_t n)
+/* How far from the nearest prediction, in sixteenths of an octave of its square: the upper bits of a float. */
+static uint16_t bucket_of(const struct bb_blob *b, const float px[][2], size_t n)
 {
-	double d2 = 4e6;
+	float d2 = 4e6F;
+	uint32_t bits;
 
 	for (size_t i = 0; i < n; i++) {
-		const double dx = (double)b->x_px - px[i][0], dy = (double)b->y_px - px[i][1];
-		d2 = fmin(d2, dx * dx + dy * dy);
+		const float dx = b->x_px - px[i][0], dy = b->y_px - px[i][1], at = dx * dx + dy * dy;
+		d2 = at < d2 ? at : d2;
 	}
-	const double bucket = sqrt(d2) / 2;
-	return bucket < FLOOD_BUCKETS - 1 ? (size_t)bucket : FLOOD_BUCKETS - 1;
+	d2 += 1;
+	memcpy(&bits, &d2, sizeof(bits));
+	return (uint16_t)((bits >> 19) - (127u << 4));
 }
 
 /* More blobs than fit: those nearest to the predictions, found by counting distances; without a prediction the first.
@@ -311,23 +329,29 @@ static size_t bucket_of(const struct bb_blob *b, const double px[][2], size_t n)
 static void keep_nearest(const struct bb_tracker *tr, size_t camera, struct bb_track_view *view,
 			 const struct bb_blob *blobs, size_t n)
 {
-	double px[BB_BODIES_MAX][2];
-	const size_t n_px = predicted_px(tr, camera, view->mid_ns, px);
+	double at_px[BB_BODIES_MAX][2];
+	float px[BB_BODIES_MAX][2];
+	const size_t n_px = predicted_px(tr, camera, view->mid_ns, at_px);
 	size_t count[FLOOD_BUCKETS] = { 0 }, limit = 0, sum = 0;
+	uint16_t *bucket = tr->flood;
 
-	for (size_t i = 0; i < n; i++)
-		if (blob_is_sane(&tr->lenses[camera], &blobs[i]))
-			count[bucket_of(&blobs[i], (const double(*)[2])px, n_px)]++;
-	while (limit < FLOOD_BUCKETS && sum + count[limit] <= BB_CAMERA_BLOBS_MAX)
+	for (size_t i = 0; i < n_px; i++)
+		for (int k = 0; k < 2; k++)
+			px[i][k] = (float)at_px[i][k];
+	for (size_t i = 0; i < n; i++) {
+		const bool sane = blob_is_sane(&tr->lenses[camera], &blobs[i]);
+		bucket[i] = sane ? bucket_of(&blobs[i], (const float(*)[2])px, n_px) : FLOOD_BUCKETS - 1;
+		count[bucket[i]]++;
+	}
+	while (limit < FLOOD_BUCKETS - 1 && sum + count[limit] <= BB_CAMERA_BLOBS_MAX)
 		sum += count[limit++];
-	for (int pass = 0; pass < 2; pass++) /* the full buckets, then what still fits of the first that does not */
-		for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX; i++) {
-			if (!blob_is_sane(&tr->lenses[camera], &blobs[i]))
-				continue;
-			const size_t b = bucket_of(&blobs[i], (const double(*)[2])px, n_px);
-			if (pass ? b == limit : b < limit)
-				view->blobs[view->n++] = blobs[i];
-		}
+	/* the full buckets, then what still fits of the first that does not; the last is not for keeping */
+	for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX; i++)
+		if (bucket[i] < limit)
+			view->blobs[view->n++] = blobs[i];
+	for (size_t i = 0; i < n && view->n < BB_CAMERA_BLOBS_MAX && limit < FLOOD_BUCKETS - 1; i++)
+		if (bucket[i] == limit)
+			view->blobs[view->n++] = blobs[i];
 }
 
 void bb_tracker_frame(struct bb_tracker *tr, size_t camera, int64_t mid_exposure_ns, const struct bb_blob *blobs,
@@ -344,8 +368,10 @@ void bb_tracker_frame(struct bb_tracker *tr, size_t camera, int64_t mid_exposure
 	view->mid_ns = mid_exposure_ns;
 	view->n = 0;
 	set->n_here++;
+	view->flooded = n >= BB_CAMERA_BLOBS_MAX;
+	tr->stats[camera].floods += view->flooded;
 	if (n > BB_CAMERA_BLOBS_MAX) {
-		keep_nearest(tr, camera, view, blobs, n);
+		keep_nearest(tr, camera, view, blobs, n < BB_TRACK_FLOOD_MAX ? n : BB_TRACK_FLOOD_MAX);
 		return;
 	}
 	for (size_t i = 0; i < n; i++)
@@ -384,7 +410,30 @@ static struct bb_track_pose pose_never(const struct bb_tracker *tr, size_t body)
 	out.body.q = tr->config.neutral.q;
 	out.body.p = bb_vec3_sub(out.eyes.p, bb_quat_rotate(out.body.q, tr->config.bodies[body].eye_centre));
 	out.position_sigma_mm = 1e6;
+	out.angle_sigma_deg = 180;
+	for (int i = 0; i < 6; i++) {
+		const bool diagonal = i == 0 || i == 3 || i == 5;
+		out.covariance_mm2[i] = diagonal ? 1e12 / 3 : 0;
+		out.covariance_deg2[i] = diagonal ? 180.0 * 180 / 3 : 0;
+	}
 	return out;
+}
+
+/* Of the eyes: the centroid's shift plus a turn of the arm from there, J = [-[arm]x, 1]. */
+static void tell_doubt(const struct bb_filter_state *s, struct bb_vec3 arm, struct bb_track_pose *out)
+{
+	const double j[3][6] = { { 0, arm.z, -arm.y, 1, 0, 0 },
+				 { -arm.z, 0, arm.x, 0, 1, 0 },
+				 { arm.y, -arm.x, 0, 0, 0, 1 } };
+
+	out->position_sigma_mm = 1e3 * s->position_sigma_m;
+	out->angle_sigma_deg = BB_DEG_PER_RAD * s->angle_sigma_rad;
+	bb_track_pack(s->covariance, 0, BB_DEG_PER_RAD, out->covariance_deg2);
+	for (int r = 0, i = 0; r < 3; r++)
+		for (int c = r; c < 3; c++, i++)
+			for (int a = 0; a < 6; a++)
+				for (int b = 0; b < 6; b++)
+					out->covariance_mm2[i] += 1e6 * j[r][a] * s->covariance[a][b] * j[c][b];
 }
 
 struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, int64_t at_ns)
@@ -402,10 +451,9 @@ struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, i
 	struct bb_track_pose out = { .body = bb_track_pose_about(b, s.p, s.q), .solved_ns = b->filter.at_ns };
 
 	out.eyes = (struct bb_pose){ bb_pose_apply(&out.body, b->body->eye_centre), s.q };
-	out.position_sigma_mm = 1e3 * s.position_sigma_m;
 	/* A frozen head goes on walking: the doubt grows though the pose does not. */
-	if (frozen)
-		out.position_sigma_mm = 1e3 * bb_filter_predict(&b->filter, fmin(age, 10)).position_sigma_m;
+	const struct bb_filter_state doubt = frozen ? bb_filter_predict(&b->filter, fmin(age, 10)) : s;
+	tell_doubt(&doubt, bb_vec3_sub(out.eyes.p, s.p), &out);
 	out.flags = frozen ? BB_TRACK_FROZEN : b->fresh ? BB_TRACK_FRESH : BB_TRACK_PREDICTED;
 	out.flags |= b->last.flags & (BB_TRACK_COLLINEAR | BB_TRACK_ONE_CAMERA);
 	return out;
@@ -416,4 +464,19 @@ struct bb_track_camera_stats bb_tracker_camera(const struct bb_tracker *tr, size
 	if (!tr || camera >= tr->config.n_cameras)
 		return (struct bb_track_camera_stats){ 0 };
 	return tr->stats[camera];
+}
+
+struct bb_track_stats bb_tracker_stats(const struct bb_tracker *tr)
+{
+	return tr ? tr->counted : (struct bb_track_stats){ 0 };
+}
+
+size_t bb_tracker_labels(const struct bb_tracker *tr, size_t body, struct bb_track_label *out, size_t cap)
+{
+	if (!tr || body >= tr->config.n_bodies || !tr->bodies[body].fresh)
+		return 0;
+	const struct bb_track_candidate *c = &tr->bodies[body].found;
+	for (size_t i = 0; out && i < c->n_obs && i < cap; i++)
+		out[i] = (struct bb_track_label){ c->obs[i].camera, c->obs[i].marker, c->obs[i].x_px, c->obs[i].y_px };
+	return c->n_obs;
 }

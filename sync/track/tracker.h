@@ -31,24 +31,30 @@ enum bb_track_flags {
 	BB_TRACK_FROZEN = 4,     /* past freeze_ns */
 	BB_TRACK_NEVER = 8,      /* no solution yet: neutral */
 	BB_TRACK_COLLINEAR = 16, /* eigen gap too small: roll about the marker line held from before */
-	BB_TRACK_ONE_CAMERA = 32
+	BB_TRACK_ONE_CAMERA = 32,
+	BB_TRACK_SWAP = 64       /* K5: in this set the labels of before were contradicted, by residuals or bare markers */
 };
 
 struct bb_track_solution { /* unpredicted, at mid-exposure */
 	int64_t at_ns;
 	struct bb_pose body;         /* body space to room */
 	struct bb_vec3 centroid;     /* mean of the body's markers (all of them) under that pose */
-	double position_sigma_mm, angle_sigma_deg;
+	double position_sigma_mm, angle_sigma_deg; /* roots of the traces below; the angle's with the held roll */
+	double covariance_mm2[6];    /* of the centroid, room axes: xx xy xz yy yz zz */
+	double covariance_deg2[6];   /* of the rotation vector, room axes, the same order; without a held roll */
 	double residual_px;          /* rms */
 	uint16_t n_markers, n_cameras; /* labelled markers; cameras that see at least 3 of them */
 	uint16_t n_blobs;
 	unsigned flags;
 };
 
-struct bb_track_pose {
+struct bb_track_pose { /* predicted */
 	struct bb_pose body, eyes;   /* eyes: at the body's eye_centre, same orientation */
 	int64_t solved_ns;           /* mid-exposure of the newest solution used; 0 with NEVER */
-	double position_sigma_mm;    /* grows with the prediction */
+	double position_sigma_mm;    /* of the centroid; grows with the prediction */
+	double angle_sigma_deg;
+	double covariance_mm2[6];    /* of the eyes' midpoint, room axes: xx xy xz yy yz zz */
+	double covariance_deg2[6];   /* of the rotation vector, the same order */
 	unsigned flags;
 };
 
@@ -67,8 +73,31 @@ struct bb_track_pose bb_tracker_pose(const struct bb_tracker *tr, size_t body, i
 /* Per camera, counted since creation: blobs that belonged to a labelled marker, blobs expected but missing, frames. */
 struct bb_track_camera_stats {
 	uint64_t frames, used, missing, stray;
+	uint64_t floods;    /* K6: frames of as many blobs as fit, or more: nearest to the predictions are kept */
 	double residual_px; /* rms over the last solutions, decaying */
 };
 struct bb_track_camera_stats bb_tracker_camera(const struct bb_tracker *tr, size_t camera);
+
+/* Which blob was which marker in the newest set, when that solved the body (else 0). Pixels as the camera sent them.
+ * Returns how many there are; cap are copied, by camera. */
+struct bb_track_label {
+	uint16_t camera;
+	uint8_t marker;
+	double x_px, y_px;
+};
+size_t bb_tracker_labels(const struct bb_tracker *tr, size_t body, struct bb_track_label *out, size_t cap);
+
+/* Work, which has a ceiling for each set whatever the cameras send (track.h). */
+struct bb_track_work {
+	uint32_t pairs;  /* pairs of rays tried against each other */
+	uint32_t points; /* pairs that met and were shown to the other cameras */
+	uint32_t poses;  /* poses made from three labelled points or bearings */
+};
+struct bb_track_stats {
+	uint64_t sets, cold_starts, swaps, refused; /* refused: cold starts that found something and did not believe it */
+	uint64_t floods;                            /* sets in which a camera was flooded */
+	struct bb_track_work last, most;            /* of the newest set; the most of any set */
+};
+struct bb_track_stats bb_tracker_stats(const struct bb_tracker *tr);
 
 #endif

@@ -1,0 +1,29 @@
+/*
+ * sim/camera/lights.h: the spots of light a camera of the simulated world gets during one exposure: markers, what hides
+ * them, how bright its strobe makes them, what a polished floor mirrors. A function of the world and the arguments.
+ */
+#ifndef BB_SIM_CAMERA_LIGHTS_H
+#define BB_SIM_CAMERA_LIGHTS_H
+
+#include "hal/camera.h"
+#include "sim/camera/picture.h"
+
+struct sim_lamp { /* of one camera, and the markers in its light */
+	double marker_mm;   /* diameter of a marker */
+	double strobe_grey; /* level above black of a marker 2 m away after 1 ms of exposure, were it wider than the blur */
+	double row_us;      /* a rolling shutter's rows expose this long after one another; 0: all at once */
+	double mirror;      /* share of the light that the floor returns */
+};
+
+struct sim_eye {
+	const struct sim_world *world;
+	const struct bb_camera_config *config;
+	const struct sim_lamp *lamp;
+	struct bb_pose pose;      /* where the camera really looks */
+	int64_t mid_ns, exposure_ns; /* of its middle row */
+	double mirror;            /* more than the lamp's */
+};
+/* Up to cap lights, ghosts after the markers; *n_out <= cap. False: there were more. */
+bool sim_lights_see(const struct sim_eye *eye, struct sim_light *out, size_t cap, size_t *n_out);
+
+#endif
