@@ -12,6 +12,7 @@
 #define STROKES_MOST 600 /* of a camera: more is one grey */
 
 struct sheet {
+	double width, height;
 	const struct bb_calibrate_outcome *o;
 	int columns;
 	double longer; /* points a pixel of residual */
@@ -63,6 +64,7 @@ static void paint(cairo_t *cr, void *ctx)
 	const struct sheet *s = ctx;
 	const struct bb_calibration *c = s->o->calibration;
 
+	pen_rect(cr, 0, 0, s->width, s->height, pen_paper, pen_paper);
 	pen_text(cr, (struct pen_point){ SIDE, 20 }, PEN_LEFT, 13, true, pen_ink, "%s: what calibration leaves over", s->o->room->name);
 	pen_text(cr, (struct pen_point){ SIDE, 38 }, PEN_LEFT, 9, false, pen_grey,
 	         "%.4f px rms per coordinate; strokes %.0f times too long; red: left out", c->rms_px,
@@ -81,8 +83,10 @@ enum bb_status bb_calibrate_draw(const struct bb_calibrate_outcome *o, const cha
 		s.tall = fmax(s.tall, PANEL * (double)c->cameras[i].height_px / (double)c->cameras[i].width_px);
 	s.longer = PANEL / 30 / fmax(c->rms_px, 1e-6);
 	const double rows = ceil((double)c->n_cameras / s.columns);
-	const struct bb_page page = { .width = 2 * SIDE + s.columns * (PANEL + GAP / 2),
-		                      .height = TOP + GAP + rows * (s.tall + GAP),
+	s.width = 2 * SIDE + s.columns * (PANEL + GAP / 2);
+	s.height = TOP + GAP + rows * (s.tall + GAP);
+	const struct bb_page page = { .width = s.width,
+		                      .height = s.height,
 		                      .prefix = "calibration",
 		                      .paint = paint,
 		                      .ctx = &s };

@@ -8,6 +8,7 @@
 #include "sync/track/triangulate.h"
 
 #define LEAST_PICTURES 3
+#define WORST_MM 2.0
 #define PICTURES_MOST 4096 /* of a camera: the square lies still */
 
 /* Mean of the middle four fifths: a few wrong ones do no harm, and hardly any noise is given away. */
@@ -95,6 +96,9 @@ enum bb_status bb_calibrate_align(const struct bb_calibrate_config *config, stru
 	if (!bb_rigid_fit(seen, config->sequence->square, 4, 1e-4, BB_QUAT_IDENTITY, &fit) || fit.collinear)
 		return bb_fail(err, BB_ERR_CONFIG, 1735, NULL, "its markers lie on a line, as they were seen");
 	c->square_rms_mm = fit.rms_m * 1e3;
+	if (!(c->square_rms_mm < WORST_MM)) /* a wand of another length than it says shows here, too */
+		return bb_fail(err, BB_ERR_CONFIG, 1735, NULL, "its markers, as seen, are %.1f mm rms from its measures",
+		               c->square_rms_mm);
 	for (size_t i = 0; i < c->n_cameras; i++)
 		c->cameras[i].pose = bb_pose_mul(&fit.pose, &c->cameras[i].pose);
 	for (size_t i = 0; i < c->bundle.n_rods; i++) {

@@ -156,6 +156,7 @@ static enum bb_status solve(struct bb_calibration *c)
 		c->n_knocked++;
 		leave_out(c, (double)INFINITY);
 		status = narrow(c, 16, &sigma_px);
+		bb_calibrate_time_knocks(c, sigma_px);
 	}
 	for (int i = 0; !status && i < 3; i++) {
 		leave_out(c, REJECT_SIGMAS * sigma_px);

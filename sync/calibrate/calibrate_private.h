@@ -14,6 +14,8 @@ BB_MUST_CHECK enum bb_status bb_calibrate_choose(const struct bb_calibrate_confi
 /* Is there a camera whose picture jumped at some time? The worst of those not reported yet, into its report. sigma_px:
  * noise of an observation. */
 bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px);
+/* When exactly, now that the adjustment is right about what came after: what came before is far off. */
+void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px);
 /* Moves cameras and rods to where the square says the room is. */
 BB_MUST_CHECK enum bb_status bb_calibrate_align(const struct bb_calibrate_config *config, struct bb_calibration *c,
                                                 struct bb_error *err);

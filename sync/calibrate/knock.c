@@ -7,6 +7,7 @@
 #define SPANS 24
 #define LEAST_IN_SPAN 9
 #define LEAST_SPANS 2    /* on either side */
+#define FAR_SIGMAS 4.0
 #define LEAST_SIGMAS 2.5 /* a smaller jump does no harm */
 #define CLEAR 1.5        /* times what the spans of either side differ among themselves, in the middle */
 
@@ -171,4 +172,26 @@ bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px)
 	c->report[worst].knocked_ns = found.knocked_ns;
 	c->report[worst].knock_px = found.knock_px;
 	return true;
+}
+
+void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px)
+{
+	const struct bb_bundle *b = &c->bundle;
+
+	for (size_t k = 0; k < c->n_cameras; k++) {
+		int score = 0, best = 0;
+		int64_t best_ns = c->rod_ns[0];
+		for (size_t i = 0; i < b->n_obs && c->report[k].knocked; i++) {
+			const struct bb_bundle_obs *o = &b->obs[i];
+			if (!usable(o, k))
+				continue;
+			score += part(o, HOW_FAR, 0) > FAR_SIGMAS * sigma_px ? 1 : -1;
+			if (score > best) {
+				best = score;
+				best_ns = c->rod_ns[o->rod] + 1;
+			}
+		}
+		if (c->report[k].knocked)
+			c->report[k].knocked_ns = best_ns;
+	}
 }
