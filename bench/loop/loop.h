@@ -210,6 +210,7 @@ struct bb_frame_loop {
 	size_t pose_slot;                 /* "tracker/<body>" */
 	int64_t pose_ns;                  /* of the newest solution */
 	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
+	struct bb_outlets *outlets;       /* bench/loop/outlets.h; NULL: nobody listens and nothing is recorded */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
@@ -274,6 +275,7 @@ struct bb_frame_loop {
 
 BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_frame_loop *loop, struct bb_error *err);
 void bb_loop_destroy(struct bb_frame_loop *loop);
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *loop);
 /* Runs the scene from now on; returns when it is over. */
 BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_frame_loop *loop, struct bb_error *err);
 

@@ -7,6 +7,7 @@
 
 #define NEAR_M 0.05
 #define FAR_M 60.0
+#define NO_FRAME UINT64_MAX /* pictures shown once more: their flips are of no frame */
 
 static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_corners *c)
 {
@@ -316,22 +317,22 @@ static bool still_waits(const struct bb_node_machine *n, size_t s, const struct 
 	return screen->display.stereo != BB_STEREO_FRAME_SEQUENTIAL && n->target[s] == v->seq + 1;
 }
 
-static enum bb_status present_screen(struct bb_node_machine *n, size_t s, const struct bb_vblank *v)
+static enum bb_status present_screen(struct bb_node_machine *n, size_t s, uint64_t frame, const struct bb_vblank *v)
 {
 	struct bb_frame_loop *l = n->loop;
 	struct bb_display *d = l->rig->displays[n->screens[s]];
 
 	if (l->room->screens[n->screens[s]].display.stereo == BB_STEREO_FRAME_SEQUENTIAL) {
 		const uint32_t left = left_target(l, d, v);
-		const enum bb_status status = bb_display_present(d, n->frame, BB_EYE_LEFT, left);
+		const enum bb_status status = bb_display_present(d, frame, BB_EYE_LEFT, left);
 		n->target[s] = left + 1;
-		return status == BB_OK ? bb_display_present(d, n->frame, BB_EYE_RIGHT, left + 1) : status;
+		return status == BB_OK ? bb_display_present(d, frame, BB_EYE_RIGHT, left + 1) : status;
 	}
 	n->target[s] = v->seq + 1;
-	return bb_display_present(d, n->frame, BB_EYE_NONE, v->seq + 1);
+	return bb_display_present(d, frame, BB_EYE_NONE, v->seq + 1);
 }
 
-static void present(struct bb_node_machine *n, int64_t now_ns)
+static void present(struct bb_node_machine *n, uint64_t frame, int64_t now_ns)
 {
 	struct bb_frame_loop *l = n->loop;
 
@@ -344,7 +345,7 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 		if (status == BB_OK && still_waits(n, s, &v))
 			bb_result_count(l->result, "frames_left_out", 1);
 		else if (status == BB_OK)
-			status = present_screen(n, s, &v);
+			status = present_screen(n, s, frame, &v);
 		bb_light_screen(l->light, n->screens[s], status >= 0 || status == BB_ERR_BUSY ? n->orphan.light : 0);
 		if (status >= 0)
 			continue;
@@ -381,13 +382,15 @@ void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, i
 {
 	if (n->loop->draw_everything)
 		draw_all(n, m->light);
-	present(n, now_ns);
+	present(n, NO_FRAME, now_ns);
 }
 
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
+	struct bb_node_machine *n = bb_container_of(timer, struct bb_node_machine, hold);
+
 	(void)scheduled_ns;
-	present(bb_container_of(timer, struct bb_node_machine, hold), now_ns);
+	present(n, n->frame, now_ns);
 	return BB_NEVER;
 }
 
@@ -403,7 +406,7 @@ static void hear_release(struct bb_node_machine *n, const struct bb_message *m, 
 		return; /* nothing to show: late, or it never heard of this frame */
 	const int64_t hold_ns = hold_until_ns(n, now_ns);
 	if (!hold_ns)
-		present(n, now_ns);
+		present(n, n->frame, now_ns);
 	else if (bb_clock_arm(n->loop->clk, &n->hold, hold_ns) != BB_OK)
 		bb_clock_stop(n->loop->clk);
 }

@@ -5,13 +5,17 @@
 #include "hal/camera.h"
 
 #define TRACK_READS_MAX 512
+#define TRACK_SOLUTIONS_MAX 32 /* of a turn and a body; earlier ones are passed over */
 
 struct camera_read {
 	size_t camera;
 	int64_t mid_ns, arrived_ns; /* host */
 	const struct bb_blob *blobs;
 	size_t n;
+	int64_t device_ns;          /* mid-exposure by the camera's own clock */
+	uint32_t seq;
 	bool overflow;
+	bool given;                 /* to the tracker */
 };
 
 /* labels.c. What the labels of the newest solutions say; newest: of the glasses in this turn, or NULL. */
