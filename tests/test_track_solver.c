@@ -325,7 +325,7 @@ static void the_deck_fits_into_its_period(void **state)
 	printf("[ note ] 24 cameras, 6 bodies: warm %.0f us (p99 %.0f), first set %.0f us\n", c.median_us, c.p99_us,
 	       c.cold_median_us);
 	assert_true(c.solved == 1 && c.cold_solved == 1 && c.wrong == 0 && c.floods == 0);
-	assert_true(c.work.pairs < 5000 && c.cold_work.pairs < 5000); /* all bodies from one matching */
+	assert_true(c.work.pairs < 1000 && c.cold_work.pairs < 1000); /* all bodies from one matching */
 	assert_true(c.median_us < 5 * 1000);
 }
 
