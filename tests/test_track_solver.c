@@ -165,10 +165,11 @@ struct crowd {
 /* Pairs walk through each other's place, 12 cm apart at the nearest. */
 static struct bb_pose crowd_walk(size_t body, double t)
 {
-	const double a = 2 * PI * (0.1 * t + (double)(body / 2) / 3), side = body % 2 ? 1 : -1;
+	const size_t pair = body / 2;
+	const double a = 2 * PI * (0.1 * t + (double)pair / 3), side = body % 2 ? 1 : -1;
 	const double apart = 0.06 + 0.25 * pow(sin(2 * PI * 0.15 * t), 2);
 
-	return (struct bb_pose){ { 0.55 * cos(a) + side * apart * sin(a), 1.2 + 0.2 * (double)(body / 2), 0.55 * sin(a) },
+	return (struct bb_pose){ { 0.55 * cos(a) + side * apart * sin(a), 1.2 + 0.2 * (double)pair, 0.55 * sin(a) },
 				 bb_quat_euler_deg(DEG * a * side, 20 * sin(t + (double)body), 10 * cos(2 * t)) };
 }
 
@@ -350,7 +351,7 @@ static void first_sets_are_right_or_refused(void **state)
 static void made_bodies_differ(void **state)
 {
 	struct bb_body b[BB_BODIES_MAX];
-	double d[BB_BODIES_MAX * 15];
+	double d[BB_BODIES_MAX * 15] = { 0 };
 	size_t n = 0;
 
 	(void)state;
