@@ -15,6 +15,7 @@
 
 static const struct bb_cli_option options[] = {
 	{ "device", "CLASS", "of ROOM SCENE: shutters, cameras, displays, monitors, power or gamepads" },
+	{ "from", "N", "of --device: fidelities N and N + 1, N is 0 or 1 (0)" },
 	{ "duration", "S", "of ROOM SCENE: seconds of the scene to run (as the scene says)" },
 	{ "seed", "N", "of ROOM SCENE (7), and of what is generated (1)" },
 	{ "grid", "one|full", "one: every knob about the scene's own setting (default); full: all combinations" },
