@@ -196,6 +196,11 @@ bench-plan:
 	@$(MAKE) --no-print-directory B=build/plan-1us CFLAGS='-g -DBRUTE_STRIDE=1' build/plan-1us/tests/test_plan
 	@build/plan-1us/tests/test_plan
 
+# 3000 exposures of the cabin's eight cameras as pictures, and the poses from them: ten seconds. ARGS="2 marker_mm=16"
+bench-eyes: $B/tests/test_camera_walk all
+	@$< 3000 $(ARGS)
+	$(PROGRAM) bench blobs
+
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
@@ -256,6 +261,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan soak fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

@@ -215,7 +215,7 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 	}
 	if (status == BB_OK)
 		status = bb_watch_create(BB_CAMERA_TROUBLES * room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
-		                                 room->n_gamepads + 3 * room->n_nodes + 9,
+		                                 room->n_gamepads + 3 * room->n_nodes + 10,
 		                         &w->events, WATCH_SETTLE_NS, &w->watch);
 	if (status == BB_OK)
 		status = bb_facility_create(&w->rig, w->clk, w->watch, &w->facility);

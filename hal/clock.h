@@ -83,5 +83,7 @@ uint64_t bb_clock_steps(const struct bb_clock *clk);
 /* CPU-independent stopwatch for measured costs: real monotonic ns on either clock. Never used for decisions on the
  * virtual clock. */
 int64_t bb_clock_stopwatch_ns(void);
+/* The same of the calling thread's processor time: what work costs, whoever else is busy. */
+int64_t bb_clock_cpu_ns(void);
 
 #endif

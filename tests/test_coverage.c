@@ -371,7 +371,7 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 	struct bb_coverage_look look;
 
 	for (int i = 0; i < 2; i++)
-		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 10, 0, 0).pose;
+		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 30, 0, 0).pose;
 	struct bb_coverage *c = make(config);
 	bb_coverage_look(c, p, -1, &look);
 	bb_coverage_destroy(c);
@@ -379,11 +379,11 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 }
 
 /* Two cameras on one rail and one place to see: all pairs of positions are tried by hand, aimed at it. (Through a wide
- * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrow.) */
+ * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrower: at most a tenth.) */
 static void placement_finds_what_trying_all_finds(void **state)
 {
-	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0),
-					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0) };
+	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0),
+					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0) };
 	const struct bb_rail rail = { v3(-3, 2, -2), v3(3, 2, -2) };
 	const struct bb_vec3 p = { 0, 1, 0 };
 	struct bb_place_config config = { .cover = config_of(&empty_room, cams, 2),
@@ -402,8 +402,9 @@ static void placement_finds_what_trying_all_finds(void **state)
 	(void)state;
 	assert_int_equal(bb_place_try(&config, 0, placed), BB_OK);
 	const struct bb_pose found[2] = { placed->pose[0], placed->pose[1] };
-	for (double a = -3; a <= 3; a += 0.1)
-		for (double b = a + 0.2; b <= 3; b += 0.1) {
+	for (int i = 0; i <= 60; i++)
+		for (int k = i + 2; k <= 60; k++) {
+			const double a = 0.1 * (i - 30), b = 0.1 * (k - 30);
 			const double w = worth_of(&config.cover, cams, (const double[2]){ a, b }, p);
 			if (w > best) {
 				best = w;
@@ -414,7 +415,7 @@ static void placement_finds_what_trying_all_finds(void **state)
 	const double reached = placed->reached / (1 + 0.01 + 0.001); /* one place is its own weaker half and the whole */
 	printf("[ note ] placed at %.2f and %.2f, worth %.0f of %.0f at %.2f and %.2f\n", found[0].p.x, found[1].p.x, reached,
 	       best, at[0], at[1]);
-	assert_true(reached > 0.995 * best && reached < 1.03 * best && reached > 1.3 * placed->begun / 1.011);
+	assert_true(reached > 0.995 * best && reached < 1.15 * best && reached > 1.3 * placed->begun / 1.011);
 	free(placed);
 }
 

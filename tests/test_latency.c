@@ -77,6 +77,30 @@ static void of_the_cabins(void **state)
 	}
 }
 
+/*
+ * What a photodiode sees of a patch that copies a lamp, against the sum of the links, which comes of other code: within 0.2 ms,
+ * most of which is a shutter that is not quite open yet. And the patch is one that may be shown.
+ */
+static void the_light_comes_when_the_links_say(void **state)
+{
+	static const char *const rooms[] = { "rooms/cabin.yaml", "rooms/cabin120.yaml" };
+
+	(void)state;
+	for (size_t i = 0; i < 2; i++) {
+		struct bb_run one;
+		run(rooms[i], "scenes/latency.yaml", false, 8, &one);
+		const struct bb_latency_test *t = &one.result->latency_test;
+		print_message("[ note ] %s: lamp to light %.2f ms, exposure to light %.2f by the links, %+.3f +- %.3f ms by the diode\n",
+		              rooms[i], t->end_ms, t->links_ms, t->off_ms, t->scatter_ms);
+		assert_in_range(t->n, 6, 8);
+		assert_true(fabs(t->off_ms) < 0.2 && t->scatter_ms < 0.1);
+		assert_true(t->end_ms > t->links_ms && t->most_ms < t->links_ms + 17 + 1);
+		assert_true(bb_ledger_metric(one.result->ledger, BB_METRIC_FLASHES).max <= 3);
+		assert_int_equal(one.result->exit_code, 0);
+		bb_run_free(&one);
+	}
+}
+
 /* In real time a processor's work is measured, too. */
 static void on_the_posix_clock(void **state)
 {
@@ -118,7 +142,7 @@ static void nothing_without_cameras(void **state)
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
-		cmocka_unit_test(of_the_cabins), cmocka_unit_test(on_the_posix_clock), cmocka_unit_test(nothing_without_cameras),
+		cmocka_unit_test(of_the_cabins), cmocka_unit_test(the_light_comes_when_the_links_say), cmocka_unit_test(on_the_posix_clock), cmocka_unit_test(nothing_without_cameras),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

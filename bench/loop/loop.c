@@ -209,8 +209,12 @@ static enum bb_status create_tracker(struct bb_frame_loop *l)
 	const struct bb_tracker_config c = bb_loop_tracker_config(l);
 	const struct bb_drift_config drift = { .cameras = c.cameras, .n_cameras = c.n_cameras, .noise_px = c.blob_sigma_px,
 		                               .hold_ns = DRIFT_HOLD_NS };
-	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	enum bb_status status = bb_drift_create(&drift, &l->drift);
+
 	l->pose_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
+	l->swap_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
+	if (status == BB_OK)
+		status = bb_labels_create(l);
 	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 
@@ -302,6 +306,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
+	if (status == BB_OK)
+		status = bb_diode_create(l->rig, l->scene, l->options->seed, &l->diode);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
 		                               .viewer = l->start.p,
 		                               .coast_ns = l->rig->shutter ? bb_shutter_limits(l->rig->shutter)->coast_ns : 0,
@@ -338,8 +344,10 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 	bb_outlets_close(l);
 	bb_tracker_destroy(l->tracker);
 	bb_drift_destroy(l->drift);
+	bb_labels_destroy(l->labels);
 	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
+	bb_diode_destroy(l->diode);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);
 	free(l->nodes);
