@@ -15,7 +15,7 @@ VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
 PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
-PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq
+PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq lapacke
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g
@@ -128,7 +128,7 @@ $B/tests/replay_%: $B/tests/fuzz/fuzz_%.o $B/tests/fuzz/replay.o $B/libblackburs
 # Of the library only what parsers and simulated devices need; edges are counted in what is fuzzed only.
 FUZZ_S ?= 20
 FUZZ_SRC := $(filter hal/% drivers/% sim/% sync/optics/recorded.c sync/lock_proof.c sync/framelock/message.c \
-            bench/phase/edges.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
+            bench/phase/edges.c bench/track_record/reader.c render/volume/% render/text.c render/half.c $(addprefix render/bricks/,bricks% format.c \
             tree.c stats.c values.c crc32c.c),$(SRC))
 FUZZED   := $(filter %.c,$(shell sed 's/#.*//' tests/fuzz/targets.txt)) $(wildcard drivers/shutter_can*.c drivers/ddc_*.c) \
             drivers/monitor_ddc.c sim/peer_shutter.c
@@ -218,6 +218,12 @@ S ?= 600
 bench-posix: all
 	@BB_PROGRAM=$(PROGRAM) LINK=$(or $(LINK),shm) tests/bench/posix.sh $S
 
+# The tracker over 10^5 frames of a walk, what its solver costs, what prediction buys (half a minute).
+bench-track: all
+	$(PROGRAM) bench track --walk --frames 100000
+	$(PROGRAM) bench track --scaling
+	$(PROGRAM) trade --table prediction
+
 # Ways to flip together: simulated, and real processes beside MPI_Barrier where OpenMPI is (quiet cores, or noise).
 bench-barrier: all
 	@$(MAKE) --no-print-directory $B/tests/bench/mpi_barrier || true
@@ -261,6 +267,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-track bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

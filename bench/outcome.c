@@ -271,6 +271,7 @@ void bb_outcome_gather(const struct bb_outcome_sources *s, struct bb_run_result 
 	r->n_events = s->events->total;
 	r->scene_start_s = (double)s->loop->scene_start_ns * 1e-9;
 	gather_stamps(s, r);
+	bb_diode_tell(s->loop->diode, &r->latency_test);
 	gather_devices(s, r);
 	gather_incidents(s, r);
 	gather_faults(s, r);

@@ -115,6 +115,13 @@ struct bb_stream_result {          /* n_nodes 0: there is no volume */
 #define BB_BLACK_MOST 4
 #define BB_BLACK_CAUSES 5
 
+struct bb_latency_test { /* light of a patch that copies a lamp, by a photodiode: bench/loop/diode.h; n 0: there was none */
+	size_t n;                  /* times it lit up */
+	double end_ms, most_ms;    /* lamp to light at the wall: mean, most; what no link counts included: the wait for an exposure */
+	double links_ms;           /* exposure to light by the sum of the links: mean */
+	double off_ms, scatter_ms; /* light as seen less light as the links have it: mean; the most a single one lies off that */
+};
+
 struct bb_black_cause {
 	double score;
 	char culprit[64], text[240];
@@ -177,6 +184,7 @@ struct bb_run_result {
 	size_t n_counters;
 	struct bb_counter counters[BB_COUNTERS_MAX];
 	struct bb_stream_result streaming;
+	struct bb_latency_test latency_test;
 	size_t n_path;
 	struct bb_path_point *path;
 	size_t n_facts;               /* versions, hashes, cost profile, GL, build, machine */

@@ -11,6 +11,7 @@
 
 #include "bench/data.h"
 #include "bench/facility.h"
+#include "bench/loop/outlets.h"
 #include "bench/loop/remote.h"
 #include "bench/outcome.h"
 #include "hal/hash.h"
@@ -214,7 +215,7 @@ static enum bb_status open_room(struct work *w, struct bb_error *err)
 	}
 	if (status == BB_OK)
 		status = bb_watch_create(BB_CAMERA_TROUBLES * room->n_cameras + room->n_screens + room->n_monitors + room->n_pdus +
-		                                 room->n_gamepads + 3 * room->n_nodes + 9,
+		                                 room->n_gamepads + 3 * room->n_nodes + 10,
 		                         &w->events, WATCH_SETTLE_NS, &w->watch);
 	if (status == BB_OK)
 		status = bb_facility_create(&w->rig, w->clk, w->watch, &w->facility);
@@ -292,6 +293,8 @@ static enum bb_status run_scene(struct work *w, struct bb_error *err)
 	if (w->head)
 		l->start = bb_path_at(w->head, 0);
 	enum bb_status status = bb_loop_create(l, err);
+	if (status == BB_OK)
+		status = bb_outlets_open(l, err);
 	if (status == BB_OK)
 		status = check_faults(w, err);
 	if (status == BB_OK && w->world)
@@ -420,6 +423,8 @@ enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, 
 		status = bb_outcome_write(out->result, options->out_dir, err);
 		if (status == BB_OK)
 			status = bb_blackbox_write(w->blackbox, out->result, options->out_dir, err);
+		if (status == BB_OK)
+			status = bb_outlets_commit(&w->loop, err);
 	}
 	release(w);
 	free(w);

@@ -8,6 +8,7 @@
 #include <signal.h>
 
 #include "bench/result.h"
+#include "drivers/mocap/mocap_port.h"
 #include "hal/eventlog.h"
 #include "sim/faults.h"
 
@@ -40,6 +41,8 @@ struct bb_run_options {
 	double plant_crystal_ppm;   /* test of bench/loop/follow.h: this process's clock is that much too fast */
 	int64_t plant_bricks;       /* test of the gate: extra bricks per frame */
 	struct bb_run_processes processes;
+	const char *record_path;    /* what the tracker sees and says, into this file; NULL: no */
+	const struct bb_mocap_config *stream; /* poses to other programs; the model is the room's; NULL: no */
 	bool allow_flash;           /* run what flashes, and do not judge it */
 	bool dim_flash;             /* darken a scene that would flash until it does not */
 	double dim;                 /* all pictures, 0..1; bb_run sets it when it has to */

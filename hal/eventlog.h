@@ -25,7 +25,8 @@
 	X(BB_EV_ARRIVE, "arrive")       /* barrier: a = frame, b = node */                                            \
 	X(BB_EV_RELEASE, "release")     /* barrier: a = frame, b = nodes missing */                                   \
 	X(BB_EV_OUTPUT, "output")       /* eyes, on change: a = shutters open, b = light of the pictures, ppm */       \
-	X(BB_EV_ORPHAN, "orphan")       /* node, on change: a = hears nothing of the head, b = light of its walls, ppm */
+	X(BB_EV_ORPHAN, "orphan")       /* node, on change: a = hears nothing of the head, b = light of its walls, ppm */ \
+	X(BB_EV_GESTURE, "gesture")     /* wand: a = 1 points elsewhere, 2 takes, 3 lets go; b = screen + 1 << 32 | x << 16 | y */
 
 enum bb_event_kind {
 #define X(name, text) name,

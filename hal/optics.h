@@ -15,7 +15,7 @@ enum bb_pattern { /* the left eye's picture, then the right eye's */
 enum bb_spot { /* where on its wall a sensor looks; LAMP: at a steady lamp, TAG: at the patch that tells the eye */
 	BB_SPOT_TOP, BB_SPOT_MIDDLE, BB_SPOT_BOTTOM, BB_SPOT_TAG, BB_SPOT_LAMP, BB_SPOT_COUNT
 };
-enum bb_lens { BB_LENS_BARE, BB_LENS_LEFT, BB_LENS_RIGHT, BB_LENS_COUNT }; /* of the glasses, before the sensor */
+enum bb_glass { BB_LENS_BARE, BB_LENS_LEFT, BB_LENS_RIGHT, BB_LENS_COUNT }; /* of the glasses, before the sensor */
 #define BB_BANDS 3 /* TOP, MIDDLE and BOTTOM: regions with a crosstalk of their own */
 
 #define BB_CHANNELS_MAX 128

@@ -13,6 +13,7 @@
 #define BB_NOT_NEEDED (-1)
 
 enum bb_technique { BB_TECHNIQUE_VOLUME, BB_TECHNIQUE_CALIBRATION };
+enum bb_follows { BB_FOLLOWS_CLOCK, BB_FOLLOWS_CAMERAS };
 enum bb_steer { BB_STEER_PAD, BB_STEER_HEAD };
 enum bb_loop { BB_LOOP_REPEAT, BB_LOOP_PING_PONG, BB_LOOP_HOLD };
 
@@ -61,6 +62,7 @@ struct bb_scene {
 		double hz;                        /* both of them so often a second; 0: no patch */
 		double size_m;                    /* its edge; 0: the whole wall */
 		double low_percent, high_percent; /* of white, in linear light */
+		int follows;                      /* enum bb_follows: whose time it goes by */
 	} patch;
 };
 

@@ -18,20 +18,31 @@ static const struct bb_vec3 head_centre = { 0, -0.02, 0.09 };
 static const struct bb_vec3 loose = { 0.6, 0.8, 0 }; /* where a marker that came off hangs, in head space */
 
 /* However the markers were measured, the head must not swallow those of the glasses. */
-void sim_body_init(struct sim_world *w)
+static double head_radius_m(const struct bb_room *room)
 {
-	w->head_radius_m = HEAD_RADIUS_M;
-	if (!w->room->n_bodies)
-		return;
-	const struct bb_body *glasses = &w->room->bodies[0];
+	double radius_m = HEAD_RADIUS_M;
+
+	if (!room->n_bodies)
+		return radius_m;
+	const struct bb_body *glasses = &room->bodies[0];
 	const struct bb_vec3 centre = bb_vec3_add(glasses->eye_centre, head_centre);
 	for (size_t i = 0; i < glasses->n_markers; i++) {
 		const double clear = bb_vec3_norm(bb_vec3_sub(glasses->marker[i], centre)) - MARKER_CLEAR_M;
-		if (clear < w->head_radius_m)
-			w->head_radius_m = clear;
+		if (clear < radius_m)
+			radius_m = clear;
 	}
-	if (w->head_radius_m < HEAD_RADIUS_LEAST_M)
-		w->head_radius_m = HEAD_RADIUS_LEAST_M;
+	return radius_m < HEAD_RADIUS_LEAST_M ? HEAD_RADIUS_LEAST_M : radius_m;
+}
+
+void sim_body_init(struct sim_world *w)
+{
+	w->head_radius_m = head_radius_m(w->room);
+}
+
+struct sim_viewer_shape sim_viewer_shape(const struct bb_room *room)
+{
+	return (struct sim_viewer_shape){ head_centre, head_radius_m(room), TORSO_TOP_M, TORSO_BOTTOM_M,
+		                          TORSO_RADIUS_M };
 }
 
 void sim_world_set_head_fn(struct sim_world *w, struct bb_pose (*head)(void *ctx, int64_t t_ns), void *ctx)
@@ -82,6 +93,8 @@ size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec
 		const struct bb_body *body = &w->room->bodies[b];
 		const struct bb_pose pose = sim_world_body(w, b, at_ns);
 		for (size_t i = 0; i < body->n_markers && n < cap; i++) {
+			if (b == 1 && w->viewer.gripped[i])
+				continue;
 			const double off_m = b ? 0 : (double)w->viewer.loose_nm[i] * 1e-9;
 			const struct bb_vec3 at = bb_vec3_add(body->marker[i], bb_vec3_scale(loose, off_m));
 			out[n++] = bb_pose_apply(&pose, at);

@@ -103,6 +103,17 @@ static enum bb_status viewer_leave(void *device, const struct sim_fault_args *ar
 	return BB_OK;
 }
 
+static enum bb_status viewer_grip(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_viewer_state *viewer = device;
+	double marker;
+	const enum bb_status status = sim_fault_range(args, "marker", SIM_FAULT_REQUIRED, 1, SIM_MARKERS, &marker, err);
+
+	if (status == BB_OK && viewer)
+		viewer->gripped[(size_t)marker - 1] += on ? 1 : -1;
+	return status;
+}
+
 static enum bb_status viewer_loosen(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
 {
 	struct sim_viewer_state *viewer = device;
@@ -129,6 +140,7 @@ static enum bb_status viewer_door(void *device, const struct sim_fault_args *arg
 
 const struct sim_verb sim_viewer_verbs[] = {
 	{ "leave", "", "nobody is in the room: no marker, nothing that hides one", "", viewer_leave },
+	{ "grip", "marker=N", "a finger lies on marker N of the wand (from 1)", "marker=4", viewer_grip },
 	{ "loosen", "marker=N mm=N", "marker N of the glasses (from 1) is out of its place by so much", "marker=2 mm=20",
 	  viewer_loosen },
 	{ "door", "deg=N", "the room's door, if it has one, stands open into the room: cameras do not see through it", "deg=80",

@@ -31,6 +31,13 @@ struct bb_pose sim_world_body(const struct sim_world *w, size_t body, int64_t at
 size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec3 *out, size_t cap);
 /* Does the straight line from a camera to a marker miss the viewer's head and torso, and the room's open door? */
 bool sim_world_visible(const struct sim_world *w, struct bb_vec3 camera, struct bb_vec3 marker, int64_t at_ns);
+/* What that head and torso are, for whoever foretells what they hide. */
+struct sim_viewer_shape {
+	struct bb_vec3 head_centre; /* from the eyes' midpoint, head space */
+	double head_radius_m;
+	double torso_top_m, torso_bottom_m, torso_radius_m; /* an upright capsule: its axis' ends below the head's centre */
+};
+struct sim_viewer_shape sim_viewer_shape(const struct bb_room *room);
 
 /* The sync generator of the room: edge n (any n >= 0) without jitter, with the chain's rate error; the first edge at or
  * after a time. Genlocked displays and cameras with sync follow it. Without a chain it runs at the displays' rate. */

@@ -43,7 +43,7 @@ run rooms/cabin.yaml plain --duration 2
 check "central is what a room has that says nothing" same plain a-central
 check "timed flips are timed" holds a-timed 'r["counters"]["flips_timed"] > r["counters"]["frames"] * 0.8'
 drawn=scenes/cme.yaml
-run "$work/tree.yaml" slow --duration 5 --fault "at 1s node/right drag factor=6"
+run "$work/tree.yaml" slow --duration 5 --fault "at 1s node/right drag factor=5"
 first=$(python3 -c 'import csv, sys; print(next(r["frame"] for r in csv.DictReader(open(sys.argv[1])) if r["late_node"] != "NA"))' "$work/slow/frames.csv")
 check "a slow node is named as a straggler" holds slow '"STRAGGLER" in " ".join(i["what"] for i in r["incidents"])'
 check "it draws coarser" holds slow 'r["counters"]["qualities_lowered"] >= 1'

@@ -168,7 +168,7 @@ static inline struct optics_scene *scene_film(const struct bb_room *room, const 
 	assert_true(s->at_ns && s->volts);
 	size_t rows = 0;
 	for (uint8_t lens = 0; lens < BB_LENS_COUNT; lens++) {
-		const struct sim_eye_camera_config config = sim_eye_camera_default((enum bb_lens)lens);
+		const struct sim_eye_camera_config config = sim_eye_camera_default((enum bb_glass)lens);
 		struct sim_eye_camera camera;
 		struct sim_optics *o;
 		struct sim_rng rng;
@@ -176,7 +176,7 @@ static inline struct optics_scene *scene_film(const struct bb_room *room, const 
 		s->recording.aperture_us = config.exposure_us;
 		sim_rng_seed(&rng, truth->seed, "edges", "scene");
 		assert_int_equal(sim_optics_create(room, screens, SCENE_SCREENS, &look, &o), BB_OK);
-		sim_eye_camera_init(&camera, &config, o, 0, (enum bb_lens)lens, truth->seed + lens, 0);
+		sim_eye_camera_init(&camera, &config, o, 0, (enum bb_glass)lens, truth->seed + lens, 0);
 		for (rows = 0; sim_eye_camera_next_ns(&camera) < end_ns; rows++) {
 			uint8_t grey[SIM_CAMERA_HEIGHT * SIM_CAMERA_WIDTH];
 			while ((double)n * scene_edge_ns(s) < (double)sim_eye_camera_next_ns(&camera) + 2 * scene_edge_ns(s)) {

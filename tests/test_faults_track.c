@@ -28,6 +28,7 @@ struct story {
 	int64_t set_ns, longest_frame_ns, start_ns;
 	struct span_error before, during, after;
 	uint64_t dropped, gaps;
+	unsigned fed[8];              /* frames of each camera the tracker was given */
 	double tracked;
 };
 
@@ -88,6 +89,9 @@ static void read_story(struct story *s, const struct bb_run_result *r, double to
 	s->after = errors_in(r, to_s + 0.5, 8);
 	s->dropped = counted(r, "camera_frames_dropped");
 	s->gaps = counted(r, "gaps");
+	for (size_t i = 0, c = 0; i < r->n_devices; i++)
+		if (!strcmp(r->devices[i].class_name, "camera") && c < BB_ARRAY_LEN(s->fed))
+			s->fed[c++] = (unsigned)strtoul(r->devices[i].note, NULL, 10);
 	s->tracked = bb_ledger_metric(r->ledger, BB_METRIC_TRACKED).mean;
 }
 
@@ -205,7 +209,12 @@ static void k1_frames_lost(void **state)
 	assert_int_equal(s.n, 1);
 	TELL(&s, 3, "at 2s camera/c1 drop percent=20 for 3s", "at 2s camera/c2 drop percent=20 for 3s",
 	     "at 2s camera/c3 drop percent=20 for 3s");
-	assert_true(s.during.solved_mm > 1.02 * s.before.solved_mm); /* fewer views, and it says so */
+	const double with_mm = s.during.solved_mm;
+	struct story clean;
+	tell(&clean, 7, 3, NULL, 0);
+	printf("pose  K1   a fifth of three cameras' frames lost: sigma of the solutions %.3f mm, %.3f without\n", with_mm,
+	       clean.during.solved_mm);
+	assert_true(with_mm > 1.005 * clean.during.solved_mm); /* fewer views, and it says so */
 	assert_true(s.during.most_mm < 3);
 	TELL(&s, 3, "at 2s camera/c2 drop percent=1 for 3s");
 	assert_true(s.dropped >= 1 && count_of(&s, "CAM_DROP") >= 1 && count_of(&s, "CAM_DROP") <= s.dropped);
@@ -295,6 +304,24 @@ static void k4_pose_lost(void **state)
 	    200 * MS + 3 * SHOT + LATENCY + 3 * FRAME, 900);
 }
 
+static void k5_marker_out_of_place(void **state)
+{
+	static const char *const by[] = { "5", "20", "40" };
+	struct story s;
+
+	(void)state;
+	for (size_t i = 0; i < BB_ARRAY_LEN(by); i++) {
+		char text[80], label[80];
+		snprintf(text, sizeof(text), "at 2s world/viewer loosen marker=2 mm=%s for 2s", by[i]);
+		snprintf(label, sizeof(label), "room: a marker of the glasses %s mm off", by[i]);
+		TELL(&s, 2, text);
+		row("K5", label, &s, "MARKER_SWAP", SHOT + LATENCY + LOOKS, 2000 * MS, 5 * SHOT + LATENCY + 3 * FRAME, 3);
+		assert_non_null(strstr(named(&s, "MARKER_SWAP")->what, "marker 2 of glasses"));
+		assert_int_equal(s.n, 1);
+		assert_true(s.tracked > 99.9); /* the labelled rest goes on */
+	}
+}
+
 static void k6_blob_flood(void **state)
 {
 	struct story s;
@@ -345,6 +372,11 @@ static void k9_bumped(void **state)
 	assert_int_equal(sscanf(named(&s, "CALIB_DRIFT")->what, "CALIB_DRIFT %lf px, usually %lf", &px, &usual_px), 2);
 	assert_true(px > 2 * usual_px && px < 15);
 	assert_int_equal(s.n, 1); /* nobody else is accused */
+	TELL(&s, 6, "at 2s camera/c2 bump deg=0.07"); /* 0.5 px: the tracker would still take its blobs */
+	row("K9", "room: a camera knocked by 0.07 deg", &s, "CALIB_DRIFT", 2000 * MS, 6000 * MS, BB_NEVER, 3);
+	const int64_t weightless_ns = 8000 * MS - named(&s, "CALIB_DRIFT")->from_ns;
+	const int64_t missing = (int64_t)s.fed[0] - (int64_t)s.fed[1];
+	assert_true(llabs(missing - weightless_ns / SHOT) < 8); /* weight 0: not one frame since */
 }
 
 static void k10_trigger_lost(void **state)
@@ -362,12 +394,86 @@ static void k10_trigger_lost(void **state)
 	}
 }
 
+/* Not a fault: a wand that points at two walls and is gripped once tells so in the event log. */
+struct gestures {
+	int64_t at_ns[16];
+	int what[16];
+	int64_t where[16];
+	size_t n;
+};
+
+static void follow(void *ctx, const struct bb_event *events, size_t n)
+{
+	struct gestures *g = ctx;
+
+	for (size_t i = 0; i < n; i++)
+		if (events[i].kind == BB_EV_GESTURE && g->n < BB_ARRAY_LEN(g->what)) {
+			g->at_ns[g->n] = events[i].at_ns;
+			g->what[g->n] = (int)events[i].a;
+			g->where[g->n++] = events[i].b;
+		}
+}
+
+static void a_wand_points_and_grabs(void **state)
+{
+	static const char scene[] = "scene: wand\ntechnique: calibration\nhead_path: scenes/seated.path\nwand_path: scenes/wand.path\n"
+				    "duration_s: 6\nneeds: {shutters: 1, cameras: 1, displays: 1}\n";
+	char path[] = "/tmp/bb_track_XXXXXX.yaml";
+	const int fd = mkstemps(path, 5);
+	struct gestures g = { 0 };
+	struct sim_fault f;
+	struct bb_error err = { 0 };
+	struct bb_run run;
+
+	(void)state;
+	assert_true(fd >= 0);
+	assert_int_equal(write(fd, scene, sizeof(scene) - 1), sizeof(scene) - 1);
+	close(fd);
+	assert_int_equal(sim_fault_parse("at 1s world/viewer grip marker=4 for 0.5s", &f, NULL, &err), BB_OK);
+	struct bb_run_options o = bb_run_options_default();
+	o.room_path = "rooms/cabin.yaml";
+	o.scene_path = path;
+	o.pictures = false;
+	o.faults = &f;
+	o.n_faults = 1;
+	o.events = follow;
+	o.events_ctx = &g;
+	const enum bb_status status = bb_run(&o, &run, &err);
+	unlink(path);
+	if (status != BB_OK)
+		fail_msg("%s", err.text);
+	const int64_t start_ns = llround(run.result->scene_start_s * 1e9);
+	int64_t taken_ns = 0, let_go_ns = 0, front = 0, left = 0;
+	for (size_t i = 0; i < g.n; i++) {
+		const int64_t t_ns = g.at_ns[i] - start_ns;
+		printf("[ note ] gesture %d at %.3f s, %s %lld %lld\n", g.what[i], (double)t_ns * 1e-9,
+		       g.where[i] ? run.result->room->screens[(g.where[i] >> 32) - 1].id : "nowhere", (long long)(g.where[i] >> 16 & 0xFFFF),
+		       (long long)(g.where[i] & 0xFFFF));
+		taken_ns = g.what[i] == 2 ? t_ns : taken_ns;
+		let_go_ns = g.what[i] == 3 ? t_ns : let_go_ns;
+		front += g.what[i] == 1 && g.where[i] && !strcmp(run.result->room->screens[(g.where[i] >> 32) - 1].id, "front");
+		left += g.what[i] == 1 && g.where[i] && !strcmp(run.result->room->screens[(g.where[i] >> 32) - 1].id, "left");
+		if (g.what[i] == 2) { /* at (0.25, 1.35), straight ahead at the front wall of 3.048 x 2.286 m */
+			assert_true(llabs((g.where[i] >> 16 & 0xFFFF) - llround((0.25 + 1.524) / 3.048 * 1400)) < 40);
+			assert_true(llabs((g.where[i] & 0xFFFF) - llround((1 - 1.35 / 2.286) * 1050)) < 40);
+		}
+	}
+	assert_in_range(taken_ns, 1000 * MS + 5 * FRAME, 1000 * MS + LATENCY + 8 * FRAME);
+	assert_in_range(let_go_ns, 1500 * MS + 5 * FRAME, 1500 * MS + LATENCY + 8 * FRAME);
+	assert_int_equal(counted(run.result, "gestures_takes"), 1);
+	assert_int_equal(counted(run.result, "gestures_lets_go"), 1);
+	assert_int_equal(front, 2);
+	assert_int_equal(left, 1);
+	bb_run_free(&run);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(all_is_well_without), cmocka_unit_test(k1_frames_lost), cmocka_unit_test(k2_counters_wrap),
-		cmocka_unit_test(k3_one_camera_blind), cmocka_unit_test(k4_pose_lost), cmocka_unit_test(k6_blob_flood),
+		cmocka_unit_test(k3_one_camera_blind), cmocka_unit_test(k4_pose_lost), cmocka_unit_test(k5_marker_out_of_place), cmocka_unit_test(k6_blob_flood),
 		cmocka_unit_test(k7_unplugged), cmocka_unit_test(k8_usb_errors), cmocka_unit_test(k9_bumped), cmocka_unit_test(k10_trigger_lost),
+		cmocka_unit_test(a_wand_points_and_grabs),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

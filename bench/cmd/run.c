@@ -8,6 +8,7 @@
 #include "bench/cli.h"
 #include "bench/guardian.h"
 #include "bench/run.h"
+#include "bench/track_record/streaming.h"
 #include "drivers/link/peers.h"
 
 static const struct bb_cli_option options[] = {
@@ -24,6 +25,11 @@ static const struct bb_cli_option options[] = {
 	{ "token-file", "FILE", "the secret of those that join, mode 0600; \"-\" is standard input" },
 	{ "open", NULL, "let ZeroMQ listen on an address that is not loopback (with --token-file)" },
 	{ "restart", NULL, "start a process again that died" },
+	{ "record", "FILE", "what the tracker sees and says, for `track replay`; .zst: compressed" },
+	{ "stream", "LIST", "poses to other programs: natnet[:COMMAND[:DATA]],vrpn[:PORT] (--clock posix)" },
+	{ "bind", "ADDRESS", "stream from there instead of 127.0.0.1; not loopback: only with --allow" },
+	{ "allow", "ADDRESS", "who may connect from outside (repeatable)" },
+	{ "multicast", "ADDRESS", "NatNet frames to 239.255.42.99, out of the interface with this address" },
 	{ "list-faults", NULL, "print every fault verb and what it means" },
 	{ "duration", "S", "scene seconds instead of the scene's own" },
 	{ "fidelity", "CLASS=N", "model a device class at fidelity N, or -1 for not at all (repeatable)" },
@@ -233,6 +239,18 @@ static bool guarded(const struct bb_cli *cli, const struct bb_run_options *o, in
 	return go;
 }
 
+static enum bb_status read_outlets(const struct bb_cli *cli, struct bb_run_options *o, struct bb_error *err)
+{
+	static struct bb_mocap_config config;
+	const char *text = bb_cli_get(cli, "stream", NULL);
+
+	o->record_path = bb_cli_get(cli, "record", NULL);
+	if (!text)
+		return BB_OK;
+	o->stream = &config;
+	return bb_streaming_read(cli, text, &config, err);
+}
+
 static void warn_of_flashes(const struct bb_cli *cli)
 {
 	if (bb_cli_has(cli, "allow-flash"))
@@ -265,6 +283,8 @@ static int command(const struct bb_cli *cli)
 		status = read_words(cli, &o, &err);
 	if (status == BB_OK)
 		status = read_processes(cli, &o, &err);
+	if (status == BB_OK)
+		status = read_outlets(cli, &o, &err);
 	if (status == BB_OK)
 		status = read_faults(cli, &faults, &err);
 	o.faults = faults.fault;

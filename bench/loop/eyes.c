@@ -138,7 +138,7 @@ static void meter(struct bb_frame_loop *l, int64_t now_ns)
 
 	if (!l->light)
 		return;
-	bb_light_patch(l->light, (double)(now_ns - l->scene_start_ns) * 1e-9);
+	bb_light_patch(l->light, l->patch_s);
 	bb_light_frame(l->light, now_ns, l->eyes.shown * l->options->dim);
 	const struct bb_flash_worst is = bb_flash_worst(bb_light_meter(l->light));
 	if (!(is.flashes > was.flashes))

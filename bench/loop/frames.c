@@ -5,6 +5,8 @@
 #include <math.h>
 #include <stdio.h>
 
+#define HALF_RISE (0.69314718 / 2.19722458) /* of the 10-90 % rise of an exponential: ln 2 / ln 9 */
+
 struct bb_frame *bb_loop_frame(struct bb_frame_loop *l, uint64_t frame)
 {
 	struct bb_frame *f = &l->frames[frame % BB_FRAMES_RING];
@@ -102,13 +104,23 @@ static bool torn(struct bb_frame_loop *l, const struct bb_frame *f, uint16_t *no
 	return f->last_flip_ns - f->first_flip_ns > most_ns;
 }
 
-/* When the middle row of the last screen's image reaches the first eye that can see it. */
-static int64_t photon_ns(struct bb_frame_loop *l, const struct bb_frame *f, int64_t *middle_ns)
+/* From a vblank until the middle row is half as bright as it becomes: down or up at half of the picture, or all at once when
+ * it is complete (most DLP); then the pixel, exponentially. */
+int64_t bb_loop_middle_ns(const struct bb_frame_loop *l, size_t screen)
 {
-	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[f->last_flip_screen]);
-	const bool sequential = l->room->screens[f->last_flip_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL;
+	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[screen]);
+	const struct bb_display_config *c = &l->room->screens[screen].display;
+	const int64_t rows_ns = c->scan == BB_SCAN_GLOBAL ? 0 : (d->period_ns - d->vblank_ns) / 2;
 
-	*middle_ns = f->last_flip_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
+	return d->vblank_ns + rows_ns + (int64_t)(c->pixel_rise_us * 1e3 * HALF_RISE);
+}
+
+/* When the middle row of a screen's image reaches the first eye that can see it. */
+static int64_t photon_ns(struct bb_frame_loop *l, uint16_t screen, int64_t flip_ns, int64_t *middle_ns)
+{
+	const bool sequential = l->room->screens[screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL;
+
+	*middle_ns = flip_ns + bb_loop_middle_ns(l, screen);
 	return sequential ? bb_phase_open_ns(&l->phase, BB_EYE_LEFT, *middle_ns) : *middle_ns;
 }
 
@@ -190,7 +202,9 @@ static void head_to_photon(struct bb_frame_loop *l, struct bb_frame *f, struct b
 
 	if (!f->n_flips || l->master_screen < 0)
 		return;
-	const int64_t photon = photon_ns(l, f, &middle_ns);
+	if (f->flip_ns)
+		bb_diode_close(l->diode, f->frame, f->lamp_ns, f->mid_exposure_ns, photon_ns(l, 0, f->flip_ns, &middle_ns));
+	const int64_t photon = photon_ns(l, f->last_flip_screen, f->last_flip_ns, &middle_ns);
 	span(l, f, BB_STAGE_PRESENT, node, t->released_ns, f->last_flip_ns);
 	span(l, f, BB_STAGE_SCANOUT, node, f->last_flip_ns, middle_ns);
 	span(l, f, BB_STAGE_SHUTTER, node, middle_ns, photon);

@@ -32,8 +32,7 @@ static int64_t planned_photon_ns(const struct bb_frame_loop *l, int64_t start_ns
 {
 	if (l->master_screen < 0)
 		return start_ns + l->frame_ns;
-	const struct bb_display_limits *d = bb_display_limits(l->rig->displays[l->master_screen]);
-	const int64_t middle_ns = start_ns + l->refresh_ns + d->vblank_ns + (d->period_ns - d->vblank_ns) / 2;
+	const int64_t middle_ns = start_ns + l->refresh_ns + bb_loop_middle_ns(l, (size_t)l->master_screen);
 
 	/* The first eye: with external shutters one of the two is always open. */
 	if (l->room->screens[l->master_screen].display.stereo == BB_STEREO_FRAME_SEQUENTIAL)
@@ -110,6 +109,22 @@ static void watch_wall(struct bb_frame_loop *l, int64_t now_ns)
 	l->wall_known = true;
 }
 
+/* The patch goes by the time of the frame, or by that of what the cameras saw last: a lamp that is lit in every other half of
+ * its period, as a patch would be. */
+static void follow_patch(struct bb_frame_loop *l, struct bb_frame *f)
+{
+	const bool cameras = l->scene->patch.follows == BB_FOLLOWS_CAMERAS;
+	const double hz = l->scene->patch.hz;
+	const int64_t at_ns = cameras ? f->mid_exposure_ns : f->start_ns;
+
+	if (at_ns)
+		l->patch_s = (double)(at_ns - l->scene_start_ns) * 1e-9;
+	if (!l->diode)
+		return;
+	f->lamp_ns = l->scene_start_ns + llround((floor(l->patch_s * hz - 0.5) + 0.5) / hz * 1e9);
+	bb_diode_frame(l->diode, f->frame, bb_patch_is_high(l->scene, l->patch_s), f->start_ns);
+}
+
 int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_frame_loop *l = bb_container_of(timer, struct bb_frame_loop, begin);
@@ -134,9 +149,10 @@ int64_t bb_head_begin(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_
 	bb_shutters_read(l, f, scheduled_ns);
 	bb_track_read(l, f, scheduled_ns);
 	bb_pads_read(l, scheduled_ns);
+	follow_patch(l, f);
 	bb_eyes_step(l, f, scheduled_ns);
 
-	const double t_s = l->scene_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
+	const double t_s = (double)(now_ns - l->scene_start_ns) * 1e-9;
 	/* A picture belongs to the frame that is on show at its time: the last one for a time at the very end. */
 	l->picture_frame = l->pictures && bb_pictures_due(l->pictures, t_s + (double)l->frame_ns * 1e-9);
 	const uint32_t n_steps = l->bricks ? bb_bricks_header(l->bricks)->tree.n_steps : 1;
@@ -169,7 +185,7 @@ int64_t bb_head_send(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_n
 		                      .silence_ns = bb_loop_silence_ns(l),
 		                      .eyes = f->eyes,
 		                      .navigation = l->navigation,
-		                      .scene_s = l->scene_s,
+		                      .scene_s = l->patch_s,
 		                      .steps = l->steps,
 		                      .way = (int16_t)l->way,
 		                      .swapped = l->eyes.swapped,

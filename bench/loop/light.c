@@ -196,11 +196,14 @@ void bb_light_fade(struct bb_image *image, double fade)
 
 /* ---- the patch ---- */
 
+bool bb_patch_is_high(const struct bb_scene *s, double t_s)
+{
+	return fmod(floor(2 * s->patch.hz * t_s), 2) > 0;
+}
+
 static double grey_at(const struct bb_scene *s, double t_s)
 {
-	const bool high = fmod(floor(2 * s->patch.hz * t_s), 2) > 0;
-
-	return (high ? s->patch.high_percent : s->patch.low_percent) / 100;
+	return (bb_patch_is_high(s, t_s) ? s->patch.high_percent : s->patch.low_percent) / 100;
 }
 
 /* Part of [from, to] of a length that the patch of this edge covers, which lies in its middle. */

@@ -49,7 +49,8 @@ double bb_light_seen(const struct bb_light *l, unsigned wall, unsigned eye);
 /* Scales pixels in linear light, as a fade does. */
 void bb_light_fade(struct bb_image *image, double fade);
 
-/* The patch of a scene at a time after its begin: its square on a picture, in pixels. */
+/* The patch of a scene at a time after its begin: its brighter grey? Its square on a picture, in pixels. */
+bool bb_patch_is_high(const struct bb_scene *s, double t_s);
 void bb_patch_draw(const struct bb_room *room, const struct bb_scene *s, uint16_t screen, double t_s,
                    struct bb_image *image);
 

@@ -9,6 +9,7 @@
 
 #include "bench/loop/follow.h"
 #include "bench/loop/lock.h"
+#include "bench/loop/outlets.h"
 #include "bench/loop/remote.h"
 #include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
@@ -181,30 +182,39 @@ static struct bb_vec3 around(struct bb_vec3 corner, struct bb_vec3 viewer, int s
 		                 sign * fmax(sign * corner.z, sign * viewer.z + 1) };
 }
 
-static enum bb_status create_tracker(struct bb_frame_loop *l)
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *l)
 {
 	const struct bb_room *room = l->room;
 	double sigma_px = 0.02;
 	int64_t period_ns = BB_NS_PER_S;
 
-	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !room->n_cameras || !room->n_bodies)
-		return BB_OK;
 	for (size_t i = 0; i < room->n_cameras; i++) {
 		sigma_px = fmax(sigma_px, bb_camera_limits(l->rig->cameras[i])->blob_error_px);
 		if (bb_rate_period_ns(room->cameras[i].rate) < period_ns)
 			period_ns = bb_rate_period_ns(room->cameras[i].rate);
 	}
 	/* Also a camera that lost its trigger (row K10) joins what the others saw in its period: alone it has no depth. */
-	const struct bb_tracker_config c = { .cameras = room->cameras, .n_cameras = room->n_cameras,
+	return (struct bb_tracker_config){ .cameras = room->cameras, .n_cameras = room->n_cameras,
 		                             .bodies = room->bodies, .n_bodies = room->n_bodies,
 		                             .blob_sigma_px = sigma_px, .group_ns = period_ns * 3 / 4, .freeze_ns = 100000000,
 		                             .room_min = around(room->min, room->neutral, -1),
 		                             .room_max = around(room->max, room->neutral, 1),
 		                             .neutral = { room->neutral, BB_QUAT_IDENTITY } };
-	l->pose_slot = bb_watch_slot(l->watch, "tracker", room->bodies[0].id);
-	const struct bb_drift_config drift = { .cameras = room->cameras, .n_cameras = room->n_cameras, .noise_px = sigma_px,
+}
+
+static enum bb_status create_tracker(struct bb_frame_loop *l)
+{
+	if (l->rig->needs[BB_CLASS_CAMERAS] < 0 || !l->room->n_cameras || !l->room->n_bodies)
+		return BB_OK;
+	const struct bb_tracker_config c = bb_loop_tracker_config(l);
+	const struct bb_drift_config drift = { .cameras = c.cameras, .n_cameras = c.n_cameras, .noise_px = c.blob_sigma_px,
 		                               .hold_ns = DRIFT_HOLD_NS };
-	const enum bb_status status = bb_drift_create(&drift, &l->drift);
+	enum bb_status status = bb_drift_create(&drift, &l->drift);
+
+	l->pose_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
+	l->swap_slot = bb_watch_slot(l->watch, "tracker", l->room->bodies[0].id);
+	if (status == BB_OK)
+		status = bb_labels_create(l);
 	return status == BB_OK ? bb_tracker_create(&c, &l->tracker) : status;
 }
 
@@ -296,6 +306,8 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
+	if (status == BB_OK)
+		status = bb_diode_create(l->rig, l->scene, l->options->seed, &l->diode);
 	const struct bb_light_config light = { .room = l->room, .scene = l->scene, .transfer = l->transfer,
 		                               .viewer = l->start.p,
 		                               .coast_ns = l->rig->shutter ? bb_shutter_limits(l->rig->shutter)->coast_ns : 0,
@@ -329,10 +341,13 @@ void bb_loop_destroy(struct bb_frame_loop *l)
 		free(n->views);
 		free(n->target);
 	}
+	bb_outlets_close(l);
 	bb_tracker_destroy(l->tracker);
-	bb_seeing_destroy(l->seeing);
 	bb_drift_destroy(l->drift);
+	bb_labels_destroy(l->labels);
+	bb_seeing_destroy(l->seeing);
 	bb_crosstalk_destroy(l->crosstalk);
+	bb_diode_destroy(l->diode);
 	bb_image_release(&l->canvas);
 	bb_light_destroy(l->light);
 	free(l->nodes);

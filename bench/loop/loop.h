@@ -21,6 +21,7 @@
 #include "bench/blackbox.h"
 #include "bench/ledger.h"
 #include "bench/loop/crosstalk.h"
+#include "bench/loop/diode.h"
 #include "bench/loop/light.h"
 #include "bench/pictures.h"
 #include "bench/rig.h"
@@ -33,6 +34,7 @@
 #include "sync/phase.h"
 #include "sync/polarity.h"
 #include "sync/sync_guard.h"
+#include "sync/track/gesture.h"
 #include "sync/track/steady.h"
 
 #define BB_AHEAD 4 /* steps of the data that are planned for */
@@ -64,9 +66,10 @@ struct bb_frame {
 	bool late;                        /* released after the vblank it was meant for */
 	uint64_t missing_nodes;           /* bits */
 	uint32_t n_flips, late_flips;
-	int64_t first_flip_ns, last_flip_ns;
+	int64_t first_flip_ns, last_flip_ns, flip_ns; /* flip_ns: of the first screen */
 	uint16_t last_flip_screen, late_screen, swapped_screen;
 	bool eyes_swapped, mono;
+	int64_t lamp_ns;                  /* the lamp of the latency self-test lit up last, as far as its cameras saw */
 	uint32_t bricks_wanted, bricks_missing, bricks_loaded;
 	uint64_t bytes, deficit;
 	int64_t load_ns;                  /* the most a node spent on bricks */
@@ -74,6 +77,7 @@ struct bb_frame {
 };
 
 struct bb_frame_loop;
+struct bb_labels;
 struct bb_loop_lock;
 struct bb_follow;
 struct bb_nodes;
@@ -199,14 +203,18 @@ struct bb_frame_loop {
 	struct bb_watch *watch;
 	struct bb_blackbox *blackbox;     /* NULL: none */
 	struct bb_tracker *tracker;       /* NULL: cameras not needed */
-	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
-	struct bb_drift *drift;           /* with it */
+	struct bb_drift *drift;           /* with it, */
+	struct bb_labels *labels;         /* and these */
+	size_t swap_slot;                 /* "tracker/<body>" once more */
 	struct bb_steady steady;
 	size_t pose_slot;                 /* "tracker/<body>" */
 	int64_t pose_ns;                  /* of the newest solution */
+	struct bb_seeing *seeing;         /* NULL: no camera delivers pictures */
+	struct bb_outlets *outlets;       /* bench/loop/outlets.h; NULL: nobody listens and nothing is recorded */
 	struct bb_phase phase;
 	struct bb_polarity polarity;
 	struct bb_crosstalk *crosstalk;   /* NULL: below fidelity 2 */
+	struct bb_diode *diode;           /* NULL: no latency self-test */
 	struct bb_eyes eyes;
 	struct bb_light *light;           /* NULL: displays not needed */
 	struct bb_barrier barrier;
@@ -239,7 +247,7 @@ struct bb_frame_loop {
 
 	struct bb_timer begin, send, head_inbox, deadline;
 	int64_t scene_start_ns, end_ns;
-	double scene_s;                   /* time of the scene: of the frame begun last */
+	double patch_s;                   /* time of the scene the patch goes by: of the frame begun last */
 	uint64_t n_frames;                /* begun */
 	struct bb_frame frames[BB_FRAMES_RING];
 	uint64_t closed;                  /* frames below this are closed */
@@ -267,6 +275,7 @@ struct bb_frame_loop {
 
 BB_MUST_CHECK enum bb_status bb_loop_create(struct bb_frame_loop *loop, struct bb_error *err);
 void bb_loop_destroy(struct bb_frame_loop *loop);
+struct bb_tracker_config bb_loop_tracker_config(const struct bb_frame_loop *loop);
 /* Runs the scene from now on; returns when it is over. */
 BB_MUST_CHECK enum bb_status bb_loop_run(struct bb_frame_loop *loop, struct bb_error *err);
 
@@ -279,6 +288,7 @@ void bb_loop_path_point(struct bb_frame_loop *l, int64_t at_ns, const struct bb_
 /* Time in the data, in steps, at a time of the scene. */
 double bb_loop_steps_at(const struct bb_scene *scene, uint32_t n_steps, double t_s);
 struct bb_placement bb_loop_placement(const struct bb_scene *scene, const struct bb_bricks *bricks);
+int64_t bb_loop_middle_ns(const struct bb_frame_loop *l, size_t screen); /* after its vblank */
 struct bb_image *bb_loop_canvas(struct bb_frame_loop *l, const struct bb_screen *screen);
 int64_t bb_loop_barrier_timeout_ns(const struct bb_frame_loop *l);
 int64_t bb_loop_silence_ns(const struct bb_frame_loop *l); /* nodes that hear nothing of the head for so long are without it */
@@ -329,6 +339,7 @@ void bb_eyes_gap(struct bb_frame_loop *l, int64_t now_ns);
 int64_t bb_eyes_watch(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns);
 void bb_eyes_open(struct bb_frame_loop *l, int64_t now_ns);
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);
+void bb_labels_destroy(struct bb_labels *x);
 void bb_pose_begin(struct bb_frame_loop *l);
 void bb_pose_note(struct bb_frame_loop *l, const struct bb_track_solution *s);
 void bb_pose_predict(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns);

@@ -7,6 +7,7 @@
 
 #define NEAR_M 0.05
 #define FAR_M 60.0
+#define NO_FRAME UINT64_MAX /* pictures shown once more: their flips are of no frame */
 
 static struct bb_corners move_corners(const struct bb_pose *by, const struct bb_corners *c)
 {
@@ -149,7 +150,7 @@ void bb_node_take_pictures(struct bb_node_machine *n, const struct bb_message *m
 	const struct bb_vec3 hand = bb_pose_apply(&m->eyes, (struct bb_vec3){ 0.2, -0.3, -0.5 });
 	struct bb_vec3 cursor = hand;
 
-	bb_pictures_fade(l->pictures, m->light / (double)BB_WHOLE, l->scene_s);
+	bb_pictures_fade(l->pictures, m->light / (double)BB_WHOLE, l->patch_s);
 	if (l->room->n_bodies > 1 && l->tracker) {
 		const struct bb_track_pose wand = bb_tracker_pose(l->tracker, 1, m->photon_ns);
 		if (!(wand.flags & BB_TRACK_NEVER))
@@ -180,7 +181,7 @@ static void draw_all(struct bb_node_machine *n, uint16_t light)
 		else if (image)
 			status = bb_calibration_draw(&n->views[v], s->id, v % l->n_eyes == 0, NULL, image);
 		if (status == BB_OK) {
-			bb_patch_draw(l->room, l->scene, n->screens[v / l->n_eyes], l->scene_s, image);
+			bb_patch_draw(l->room, l->scene, n->screens[v / l->n_eyes], l->patch_s, image);
 			if (light < BB_WHOLE)
 				bb_light_fade(image, light / (double)BB_WHOLE);
 			bb_light_pixels(l->light, n->screens[v / l->n_eyes], (unsigned)(v % l->n_eyes), image);
@@ -237,7 +238,7 @@ static void begin(struct bb_node_machine *n, const struct bb_message *told, int6
 	const struct bb_message own = bb_orphan_dim(n, told, now_ns), *m = &own;
 	n->frame = m->frame;
 	n->quality = m->quality ? m->quality / (double)BB_WHOLE : 1;
-	l->scene_s = m->scene_s;
+	l->patch_s = m->scene_s;
 	make_views(n, m, f);
 	const struct bb_stream_counts c = select_bricks(n, m, f);
 	n->draw_ns = bb_profile_draw_ns(&n->profile, n->n_views, c.rays, c.samples, 0, 0);
@@ -316,22 +317,22 @@ static bool still_waits(const struct bb_node_machine *n, size_t s, const struct 
 	return screen->display.stereo != BB_STEREO_FRAME_SEQUENTIAL && n->target[s] == v->seq + 1;
 }
 
-static enum bb_status present_screen(struct bb_node_machine *n, size_t s, const struct bb_vblank *v)
+static enum bb_status present_screen(struct bb_node_machine *n, size_t s, uint64_t frame, const struct bb_vblank *v)
 {
 	struct bb_frame_loop *l = n->loop;
 	struct bb_display *d = l->rig->displays[n->screens[s]];
 
 	if (l->room->screens[n->screens[s]].display.stereo == BB_STEREO_FRAME_SEQUENTIAL) {
 		const uint32_t left = left_target(l, d, v);
-		const enum bb_status status = bb_display_present(d, n->frame, BB_EYE_LEFT, left);
+		const enum bb_status status = bb_display_present(d, frame, BB_EYE_LEFT, left);
 		n->target[s] = left + 1;
-		return status == BB_OK ? bb_display_present(d, n->frame, BB_EYE_RIGHT, left + 1) : status;
+		return status == BB_OK ? bb_display_present(d, frame, BB_EYE_RIGHT, left + 1) : status;
 	}
 	n->target[s] = v->seq + 1;
-	return bb_display_present(d, n->frame, BB_EYE_NONE, v->seq + 1);
+	return bb_display_present(d, frame, BB_EYE_NONE, v->seq + 1);
 }
 
-static void present(struct bb_node_machine *n, int64_t now_ns)
+static void present(struct bb_node_machine *n, uint64_t frame, int64_t now_ns)
 {
 	struct bb_frame_loop *l = n->loop;
 
@@ -344,7 +345,7 @@ static void present(struct bb_node_machine *n, int64_t now_ns)
 		if (status == BB_OK && still_waits(n, s, &v))
 			bb_result_count(l->result, "frames_left_out", 1);
 		else if (status == BB_OK)
-			status = present_screen(n, s, &v);
+			status = present_screen(n, s, frame, &v);
 		bb_light_screen(l->light, n->screens[s], status >= 0 || status == BB_ERR_BUSY ? n->orphan.light : 0);
 		if (status >= 0)
 			continue;
@@ -381,13 +382,15 @@ void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, i
 {
 	if (n->loop->draw_everything)
 		draw_all(n, m->light);
-	present(n, now_ns);
+	present(n, NO_FRAME, now_ns);
 }
 
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
+	struct bb_node_machine *n = bb_container_of(timer, struct bb_node_machine, hold);
+
 	(void)scheduled_ns;
-	present(bb_container_of(timer, struct bb_node_machine, hold), now_ns);
+	present(n, n->frame, now_ns);
 	return BB_NEVER;
 }
 
@@ -403,7 +406,7 @@ static void hear_release(struct bb_node_machine *n, const struct bb_message *m, 
 		return; /* nothing to show: late, or it never heard of this frame */
 	const int64_t hold_ns = hold_until_ns(n, now_ns);
 	if (!hold_ns)
-		present(n, now_ns);
+		present(n, n->frame, now_ns);
 	else if (bb_clock_arm(n->loop->clk, &n->hold, hold_ns) != BB_OK)
 		bb_clock_stop(n->loop->clk);
 }
@@ -432,6 +435,7 @@ void bb_node_note_flip(struct bb_frame_loop *l, uint16_t screen, const struct bb
 	if (flip->eye == BB_EYE_RIGHT)
 		return; /* a frame becomes visible with its first eye */
 	l->flipped[screen] |= UINT64_C(1) << flip->frame % 64;
+	f->flip_ns = screen ? f->flip_ns : flip->at_ns;
 	if (!f->n_flips || flip->at_ns < f->first_flip_ns)
 		f->first_flip_ns = flip->at_ns;
 	if (!f->n_flips || flip->at_ns > f->last_flip_ns) {
@@ -456,6 +460,7 @@ void bb_node_flips(struct bb_frame_loop *l, struct bb_node_machine *n)
 				}
 				bb_node_note_flip(l, n->screens[s], &flips[i]);
 				bb_crosstalk_flip(l->crosstalk, n->screens[s], &flips[i]);
+				bb_diode_flip(l->diode, n->screens[s], &flips[i]);
 				if (!s)
 					bb_ledger_mark(l->ledger, BB_TRACK_VSYNC, n->screens[s], flips[i].at_ns,
 					               (int32_t)flips[i].seq, flips[i].eye);

@@ -57,6 +57,7 @@ static void go_on(struct bb_node_machine *n, int64_t now_ns)
 	const bool moved = now_ns - o->heard_ns >= HOLD_NS && move(n, BB_SHOW_BLACK, now_ns);
 	const struct bb_message m = dimmed(o, &o->last);
 
+	bb_node_flips(l, n); /* or those that nobody reads push out those that matter */
 	if (moved) {
 		note(n, now_ns);
 		bb_node_show_again(n, &m, now_ns);

@@ -121,6 +121,7 @@ void bb_shutters_feed(struct bb_frame_loop *l, int64_t now_ns)
 		for (size_t i = 0; i < n; i++) {
 			bb_phase_edge(&l->phase, &edges[i]);
 			bb_crosstalk_edge(l->crosstalk, &edges[i]);
+			bb_diode_edge(l->diode, &edges[i]);
 			bb_eyes_edge(l, &edges[i]);
 			bb_ledger_mark(l->ledger, BB_TRACK_SHUTTER, edges[i].stage, edges[i].at_ns, edges[i].eye,
 			               edges[i].eye);

@@ -4,10 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "bench/loop/outlets.h"
 #include "bench/loop/seeing.h"
 #include "bench/loop/tracking.h"
-
-#define SOLUTIONS_MAX 32
 
 /* Everything one camera has to say; false when the pool is full. */
 static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, int64_t now_ns)
@@ -26,6 +25,8 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 			                                   .blobs = frame.blobs,
 			                                   .n = frame.n,
 			                                   .overflow = frame.overflow,
+			                                   .seq = frame.seq,
+			                                   .device_ns = frame.mid_exposure.ns,
 			                                   .arrived_ns = frame.arrived_ns,
 			                                   .mid_ns = bb_timemap_host_ns(&l->camera_map[cam], frame.mid_exposure) };
 		++*n_reads;
@@ -81,7 +82,7 @@ static void note_newest(struct bb_frame_loop *l, struct bb_frame *f, const struc
 
 void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 {
-	struct bb_track_solution solutions[SOLUTIONS_MAX];
+	struct bb_track_solution solutions[TRACK_SOLUTIONS_MAX];
 	size_t n_reads = 0;
 
 	if (!l->tracker)
@@ -91,13 +92,14 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	f->read_ns = bb_clock_now_ns(l->clk);
 	qsort(l->reads, n_reads, sizeof(*l->reads), by_time);
 	for (size_t i = 0; i < n_reads; i++) {
-		if (bb_drift_weight(l->drift, l->reads[i].camera) > 0) /* a knocked one would pull at the others */
+		l->reads[i].given = bb_drift_weight(l->drift, l->reads[i].camera) > 0; /* a knocked one would pull at the others */
+		if (l->reads[i].given)
 			bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
 		if (l->reads[i].camera == 0)
 			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0, 0);
 	}
-	const size_t n = bb_tracker_solve(l->tracker, true, 0, solutions, SOLUTIONS_MAX);
-	for (size_t i = 0; i < n && i < SOLUTIONS_MAX; i++) {
+	const size_t n = bb_tracker_solve(l->tracker, true, 0, solutions, TRACK_SOLUTIONS_MAX);
+	for (size_t i = 0; i < n && i < TRACK_SOLUTIONS_MAX; i++) {
 		bb_eventlog_add(l->events, bb_eventlog_source(l->events, "tracker", l->room->bodies[0].id), BB_EV_POSE,
 		                solutions[i].at_ns, solutions[i].n_cameras, llround(solutions[i].centroid.x * 1e9));
 		bb_pose_note(l, &solutions[i]);
@@ -105,9 +107,11 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		f->cameras = solutions[i].n_cameras;
 		f->solved_sigma_mm = solutions[i].position_sigma_mm;
 	}
+	bb_labels_look(l, l->reads, n_reads, n ? &solutions[(n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX) - 1] : NULL, now_ns);
 	for (size_t i = 0; i < n_reads; i++)
 		bb_cameras_look(l, &l->reads[i], now_ns);
 	f->solved_ns = bb_clock_now_ns(l->clk);
+	bb_outlets_turn(l, n_reads, solutions, n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX, now_ns);
 	bb_result_count(l->result, "poses_solved", n);
 	bb_result_count(l->result, "camera_frames", n_reads);
 	if (n_reads)

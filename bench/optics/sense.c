@@ -327,7 +327,7 @@ static enum bb_status write_picture(const uint8_t *grey, const char *dir, int64_
 }
 
 /* recording.txt comes last: without it a folder is no recording. */
-static enum bb_status record_pictures(struct stage *s, size_t screen, enum bb_lens lens, const char *dir,
+static enum bb_status record_pictures(struct stage *s, size_t screen, enum bb_glass lens, const char *dir,
                                       struct bb_error *err)
 {
 	struct sim_eye_camera_config config = sim_eye_camera_default(lens);
@@ -366,7 +366,7 @@ static enum bb_status record_pictures(struct stage *s, size_t screen, enum bb_le
 	return bb_file_commit(&f, err);
 }
 
-static enum bb_status find_view(const struct stage *s, size_t *screen, enum bb_lens *lens, struct bb_error *err)
+static enum bb_status find_view(const struct stage *s, size_t *screen, enum bb_glass *lens, struct bb_error *err)
 {
 	char text[BB_ID_MAX + 24];
 	struct bb_channel c;
@@ -379,7 +379,7 @@ static enum bb_status find_view(const struct stage *s, size_t *screen, enum bb_l
 	if (*screen == s->n_screens || !bb_channel_find(text, &c))
 		return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "no stereo wall '%.32s', or no lens '%.20s' (bare, left, right)",
 		               s->options->wall ? s->options->wall : "", s->options->lens);
-	*lens = (enum bb_lens)c.lens;
+	*lens = (enum bb_glass)c.lens;
 	return BB_OK;
 }
 
@@ -390,7 +390,7 @@ enum bb_status bb_sense_pictures(const struct bb_room *room, const struct bb_sen
 	const struct bb_where where = { dir, 0, 0 };
 	struct stage *s = calloc(1, sizeof(*s));
 	size_t screen = 0;
-	enum bb_lens lens = BB_LENS_BARE;
+	enum bb_glass lens = BB_LENS_BARE;
 
 	if (!s)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a simulated room");

@@ -149,6 +149,23 @@ static json_t *prediction_json(const struct bb_prediction *p)
 	return o;
 }
 
+static json_t *self_test_json(const struct bb_latency_test *t)
+{
+	json_t *o = json_object();
+
+	if (!t->n) {
+		json_decref(o);
+		return json_null();
+	}
+	json_object_set_new(o, "edges", whole(t->n));
+	json_object_set_new(o, "lamp_to_light_mean_ms", number(t->end_ms));
+	json_object_set_new(o, "lamp_to_light_most_ms", number(t->most_ms));
+	json_object_set_new(o, "links_mean_ms", number(t->links_ms));
+	json_object_set_new(o, "off_mean_ms", number(t->off_ms));
+	json_object_set_new(o, "off_scatter_ms", number(t->scatter_ms));
+	return o;
+}
+
 static json_t *latency_json(const struct bb_run_result *r)
 {
 	struct bb_latency l;
@@ -169,6 +186,7 @@ static json_t *latency_json(const struct bb_run_result *r)
 	json_object_set_new(o, "floor_ms", number(l.floor_ms));
 	json_object_set_new(o, "attack", text(l.attack));
 	json_object_set_new(o, "prediction", prediction_json(&l.prediction));
+	json_object_set_new(o, "self_test", self_test_json(&r->latency_test));
 	return o;
 }
 

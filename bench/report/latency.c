@@ -45,6 +45,17 @@ static void put_prediction(FILE *f, const struct bb_prediction *p)
 	        p->without_deg / p->with_deg, p->n);
 }
 
+static void put_self_test(FILE *f, const struct bb_latency_test *t)
+{
+	if (!t->n)
+		return;
+	fprintf(f,
+	        "<p>Self-test: a photodiode saw the patch light up %zu times, %.2f ms after its lamp on average (most %.2f; the wait for an "
+	        "exposure included). From the exposure the links add up to %.2f ms; the light came %+.3f ms from there, each time within "
+	        "%.3f ms of that.</p>\n",
+	        t->n, t->end_ms, t->most_ms, t->links_ms, t->off_ms, t->scatter_ms);
+}
+
 void bb_report_latency(FILE *f, const struct bb_run_result *r)
 {
 	struct bb_latency l;
@@ -57,6 +68,7 @@ void bb_report_latency(FILE *f, const struct bb_run_result *r)
 	        "alone, which the devices' settings fix, take %.1f ms.</p>\n",
 	        l.attack, 100 * l.within_50, l.n, 100 * l.within_20, l.floor_ms);
 	put_prediction(f, &l.prediction);
+	put_self_test(f, &r->latency_test);
 	fputs("<table><thead><tr><th>Link</th><th>Owner</th><th>Covers</th><th class=\"n\">Mean, ms</th><th class=\"n\">Median, ms</th>"
 	      "<th class=\"n\">p99, ms</th><th class=\"n\">Share, %</th><th>By</th><th class=\"n\">&plusmn;, ms</th></tr></thead><tbody>\n", f);
 	for (int i = 0; i < BB_LINK_COUNT; i++)

@@ -67,6 +67,8 @@ static const struct bb_option patch_options[] = {
 	F64("size_m", patch.size_m, 0.2, 0, 100, "its edge; 0: the whole wall"),
 	F64("low_percent", patch.low_percent, 0, 0, 100, "its darker grey, of white, linear"),
 	F64("high_percent", patch.high_percent, 100, 0, 100, "its brighter grey"),
+	{ "follows", BB_OPT_TYPE_ENUM, S(patch.follows), 0, BB_FOLLOWS_CLOCK, 0, 0, 1, "clock|cameras", false,
+	  "the time of the frame, or that of the newest exposure: the latency self-test" },
 	BB_OPT_END
 };
 

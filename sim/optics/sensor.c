@@ -79,14 +79,14 @@ int64_t sim_diodes_sample(struct sim_diodes *d, double *volts)
 
 /* ---- camera ---- */
 
-struct sim_eye_camera_config sim_eye_camera_default(enum bb_lens lens)
+struct sim_eye_camera_config sim_eye_camera_default(enum bb_glass lens)
 {
 	return (struct sim_eye_camera_config){ .rate_hz = 1000, .exposure_us = 500, .white = 220,
 		                               .gain = lens == BB_LENS_BARE ? 1 : 3, .read_grey = 1, .shot_grey = 2 };
 }
 
 void sim_eye_camera_init(struct sim_eye_camera *c, const struct sim_eye_camera_config *config, struct sim_optics *optics,
-                         size_t screen, enum bb_lens lens, uint64_t seed, int64_t begin_ns)
+                         size_t screen, enum bb_glass lens, uint64_t seed, int64_t begin_ns)
 {
 	*c = (struct sim_eye_camera){ .config = *config, .optics = optics, .screen = screen, .lens = lens,
 		                      .begin_ns = begin_ns };

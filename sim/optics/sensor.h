@@ -49,13 +49,13 @@ struct sim_eye_camera_config { /* a camera that looks at one screen through one 
 	double gain;             /* 1 without glasses, more behind a lens */
 	double read_grey, shot_grey; /* sd: always; at 255 */
 };
-struct sim_eye_camera_config sim_eye_camera_default(enum bb_lens lens);
+struct sim_eye_camera_config sim_eye_camera_default(enum bb_glass lens);
 struct sim_eye_camera {
 	struct sim_eye_camera_config config;
 	struct sim_optics *optics;
 	struct sim_rng rng;
 	size_t screen;
-	enum bb_lens lens;
+	enum bb_glass lens;
 	int64_t begin_ns;
 	uint64_t n;
 };
@@ -63,7 +63,7 @@ struct sim_eye_camera {
 #define SIM_CAMERA_HEIGHT 20 /* rows, each of which sees its own share of the screen's rows */
 struct sim_look sim_look_camera(void);
 void sim_eye_camera_init(struct sim_eye_camera *c, const struct sim_eye_camera_config *config, struct sim_optics *optics,
-                         size_t screen, enum bb_lens lens, uint64_t seed, int64_t begin_ns);
+                         size_t screen, enum bb_glass lens, uint64_t seed, int64_t begin_ns);
 int64_t sim_eye_camera_next_ns(const struct sim_eye_camera *c); /* end of the next exposure */
 /* Exposes; 8-bit grey from the top row. Returns the middle of the exposure. */
 int64_t sim_eye_camera_expose(struct sim_eye_camera *c, uint8_t grey[SIM_CAMERA_HEIGHT * SIM_CAMERA_WIDTH]);

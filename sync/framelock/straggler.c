@@ -3,6 +3,7 @@
 #include <string.h>
 
 #define FILL 0.8      /* of a frame's time that is aimed at: the rest is for the barrier and for luck */
+#define NEARLY 0.92   /* of it: who is lowered already and comes that near grows slower still, and will be late next */
 #define STEP 1.15     /* a quality is raised by so much at a time */
 #define WAIT_FRAMES 2 /* one frame is being drawn as it was, one may have begun */
 
@@ -39,11 +40,13 @@ static int64_t newest(const struct bb_straggler_node *n)
 
 static bool is_late(const struct bb_straggler *s, const struct bb_straggler_node *n, int64_t *most_ns)
 {
+	const bool lowered = n->quality < 1 && n->quality > BB_STRAGGLER_QUALITY_LEAST;
+	const double limit_ns = (lowered ? NEARLY : 1) * (double)budget_ns(s, s->every);
 	unsigned late = 0;
 
 	*most_ns = 0;
 	for (unsigned i = BB_STRAGGLER_FRAMES - n->n; i < BB_STRAGGLER_FRAMES; i++) {
-		if (n->took_ns[i] <= budget_ns(s, s->every))
+		if ((double)n->took_ns[i] <= limit_ns)
 			continue;
 		late++;
 		*most_ns = n->took_ns[i] > *most_ns ? n->took_ns[i] : *most_ns;
@@ -61,7 +64,7 @@ static void set_quality(struct bb_straggler_node *n, double quality)
 }
 
 /* The quality at which a frame should take want_ns: in proportion at first; lowered again, by what the last time did, as
- * not all of a draw shrinks with its samples. At least a fifth less. */
+ * not all of a draw shrinks with its samples. At least a fifth less, and at most half: what it draws may have grown meanwhile. */
 static double fitting(const struct bb_straggler_node *n, int64_t took_ns, double want_ns)
 {
 	const double per_quality = (double)(n->was_ns - took_ns) / (n->was_quality - n->quality);
@@ -69,7 +72,8 @@ static double fitting(const struct bb_straggler_node *n, int64_t took_ns, double
 
 	if (n->was_quality > n->quality && per_quality > 0)
 		fits = n->quality - ((double)took_ns - want_ns) / per_quality;
-	return fits < 0.8 * n->quality ? fits : 0.8 * n->quality;
+	fits = fits < 0.8 * n->quality ? fits : 0.8 * n->quality;
+	return fits > 0.5 * n->quality ? fits : 0.5 * n->quality;
 }
 
 /* Late: a quality that fits, or, when there is none, a frame more for everybody. */
