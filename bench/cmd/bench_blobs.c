@@ -187,7 +187,7 @@ static double deck_cores(const struct row *rows, size_t n)
 
 static double worst_gpx(const struct row *rows, size_t n)
 {
-	double worst = INFINITY;
+	double worst = (double)INFINITY;
 
 	for (size_t i = 0; i < n; i++)
 		if (rows[i].content == SPOTS)
