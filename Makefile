@@ -218,6 +218,12 @@ S ?= 600
 bench-posix: all
 	@BB_PROGRAM=$(PROGRAM) LINK=$(or $(LINK),shm) tests/bench/posix.sh $S
 
+# The tracker over 10^5 frames of a walk, what its solver costs, what prediction buys (half a minute).
+bench-track: all
+	$(PROGRAM) bench track --walk --frames 100000
+	$(PROGRAM) bench track --scaling
+	$(PROGRAM) trade --table prediction
+
 # Ways to flip together: simulated, and real processes beside MPI_Barrier where OpenMPI is (quiet cores, or noise).
 bench-barrier: all
 	@$(MAKE) --no-print-directory $B/tests/bench/mpi_barrier || true
@@ -261,6 +267,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-track bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

@@ -29,7 +29,8 @@ static struct bb_vec3 any_point(struct scene_rng *r, double size)
 static void small_angles_are_right_to_four_ulp(void **state)
 {
 	(void)state;
-	for (double angle = 1e-9; angle < PI; angle *= 1.37) {
+	for (int i = 0; 1e-9 * pow(1.37, i) < PI; i++) {
+		const double angle = 1e-9 * pow(1.37, i);
 		const struct bb_quat q = { sin(angle / 2), 0, 0, cos(angle / 2) }, minus = { -q.x, 0, 0, -q.w };
 		const double ulp = nextafter(angle, 4) - angle;
 		assert_true(fabs(bb_quat_angle(BB_QUAT_IDENTITY, q) - angle) <= 4 * ulp);

@@ -165,10 +165,11 @@ struct crowd {
 /* Pairs walk through each other's place, 12 cm apart at the nearest. */
 static struct bb_pose crowd_walk(size_t body, double t)
 {
-	const double a = 2 * PI * (0.1 * t + (double)(body / 2) / 3), side = body % 2 ? 1 : -1;
+	const size_t pair = body / 2;
+	const double a = 2 * PI * (0.1 * t + (double)pair / 3), side = body % 2 ? 1 : -1;
 	const double apart = 0.06 + 0.25 * pow(sin(2 * PI * 0.15 * t), 2);
 
-	return (struct bb_pose){ { 0.55 * cos(a) + side * apart * sin(a), 1.2 + 0.2 * (double)(body / 2), 0.55 * sin(a) },
+	return (struct bb_pose){ { 0.55 * cos(a) + side * apart * sin(a), 1.2 + 0.2 * (double)pair, 0.55 * sin(a) },
 				 bb_quat_euler_deg(DEG * a * side, 20 * sin(t + (double)body), 10 * cos(2 * t)) };
 }
 
@@ -325,7 +326,7 @@ static void the_deck_fits_into_its_period(void **state)
 	printf("[ note ] 24 cameras, 6 bodies: warm %.0f us (p99 %.0f), first set %.0f us\n", c.median_us, c.p99_us,
 	       c.cold_median_us);
 	assert_true(c.solved == 1 && c.cold_solved == 1 && c.wrong == 0 && c.floods == 0);
-	assert_true(c.work.pairs < 5000 && c.cold_work.pairs < 5000); /* all bodies from one matching */
+	assert_true(c.work.pairs < 1000 && c.cold_work.pairs < 1000); /* all bodies from one matching */
 	assert_true(c.median_us < 5 * 1000);
 }
 
@@ -350,7 +351,7 @@ static void first_sets_are_right_or_refused(void **state)
 static void made_bodies_differ(void **state)
 {
 	struct bb_body b[BB_BODIES_MAX];
-	double d[BB_BODIES_MAX * 15];
+	double d[BB_BODIES_MAX * 15] = { 0 };
 	size_t n = 0;
 
 	(void)state;

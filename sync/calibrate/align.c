@@ -28,22 +28,26 @@ static bool look(const struct bb_calibrate_config *config, const struct bb_lens 
                  double *scratch, double out[4][2])
 {
 	const struct bb_sequence *s = config->sequence;
-	size_t n = 0;
+	size_t n = 0, asked = 0;
 
 	for (size_t i = 0; i < s->n_sights && n < PICTURES_MOST; i++) {
 		const struct bb_sequence_sight *sight = &s->sights[i];
 		const float (*px)[2] = (const float(*)[2])(s->px + sight->first);
 		int order[4];
-		if (!sight->square || sight->camera != camera || sight->t_ns < from_ns ||
-		    !bb_label_square(lens, s, px, sight->n, order))
+		if (!sight->square || sight->camera != camera || sight->t_ns < from_ns)
+			continue;
+		asked++;
+		if (!bb_label_square(lens, s, px, sight->n, order))
 			continue;
 		for (size_t k = 0; k < 8; k++)
 			scratch[k * PICTURES_MOST + n] = (double)px[order[k / 2]][k % 2];
 		n++;
 	}
-	for (size_t k = 0; k < 8 && n >= LEAST_PICTURES; k++)
+	/* a marker on the picture's edge is in it when noise moves it inwards, and its mean is not where it is */
+	const bool enough = n >= LEAST_PICTURES && n >= asked - asked / 10;
+	for (size_t k = 0; k < 8 && enough; k++)
 		out[k / 2][k % 2] = settled(scratch + k * PICTURES_MOST, n);
-	return n >= LEAST_PICTURES;
+	return enough;
 }
 
 static bool find_markers(const struct bb_calibrate_config *config, struct bb_calibration *c, double *scratch,

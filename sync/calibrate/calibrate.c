@@ -97,7 +97,7 @@ static void sum_up(struct bb_calibration *c)
 	uint64_t *cells = calloc(c->n_cameras, sizeof(*cells));
 	size_t n_rods = 0, last = SIZE_MAX;
 
-	c->n_used = c->n_out = 0;
+	c->n_used = c->n_out = c->n_knocked = 0;
 	for (size_t i = 0; i < c->n_cameras; i++)
 		c->report[i].n_used = c->report[i].n_out = 0;
 	for (size_t i = 0; per_camera && cells && i < b->n_obs; i++) {
@@ -116,6 +116,7 @@ static void sum_up(struct bb_calibration *c)
 	for (size_t i = 0; i < c->n_cameras; i++) {
 		c->n_used += c->report[i].n_used;
 		c->n_out += c->report[i].n_out;
+		c->n_knocked += c->report[i].knocked;
 	}
 	/* 11 a camera and 5 a wand were fitted, of which 6 are the free place of all */
 	c->freedom = 2 * (double)c->n_used - (double)(BB_BUNDLE_CAMERA * c->n_cameras + BB_BUNDLE_ROD * n_rods) + 6;
@@ -146,17 +147,30 @@ static enum bb_status check_seen(const struct bb_calibration *c, struct bb_error
 	return BB_OK;
 }
 
+/* Begins again without what a knocked camera saw before. */
+static enum bb_status begin_again(struct bb_calibration *c, double *sigma_px)
+{
+	leave_out(c, (double)INFINITY);
+	const enum bb_status status = narrow(c, 16, sigma_px);
+	bb_calibrate_time_knocks(c, *sigma_px);
+	return status;
+}
+
 /* Everything from the first rough start to the last adjustment by squares. */
 static enum bb_status solve(struct bb_calibration *c)
 {
 	double sigma_px;
+	size_t sick;
 	enum bb_status status = narrow(c, 40, &sigma_px);
 
-	while (!status && c->n_knocked < KNOCKS_MOST && bb_calibrate_find_knock(c, sigma_px)) {
-		c->n_knocked++;
-		leave_out(c, (double)INFINITY);
-		status = narrow(c, 16, &sigma_px);
-		bb_calibrate_time_knocks(c, sigma_px);
+	for (int i = 0; !status && i < KNOCKS_MOST; i++) {
+		if (!bb_calibrate_find_knock(c, sigma_px)) {
+			sick = bb_calibrate_find_sick(c, sigma_px);
+			if (sick == c->n_cameras)
+				break;
+			bb_calibrate_halve(c, sick);
+		}
+		status = begin_again(c, &sigma_px);
 	}
 	for (int i = 0; !status && i < 3; i++) {
 		leave_out(c, REJECT_SIGMAS * sigma_px);
@@ -193,6 +207,8 @@ static enum bb_status prepare(const struct bb_calibrate_config *config, struct b
 
 enum bb_status bb_calibrate(const struct bb_calibrate_config *config, struct bb_calibration *out, struct bb_error *err)
 {
+	const size_t n = config->n_cameras;
+
 	memset(out, 0, sizeof(*out));
 	if (config->n_cameras < 2 || config->n_cameras != config->sequence->n_cameras)
 		return bb_fail(err, BB_ERR_CONFIG, 1733, NULL, "the sequence has %zu cameras, the room %zu, and two are the least",
@@ -206,6 +222,9 @@ enum bb_status bb_calibrate(const struct bb_calibrate_config *config, struct bb_
 		status = solve(out);
 		if (status)
 			status = bb_fail(err, status, status == BB_ERR_NOMEM ? 1702 : 1736, NULL, "the adjustment broke down");
+		else if (bb_calibrate_find_sick(out, out->rms_px) < n)
+			status = bb_fail(err, BB_ERR_CONFIG, 1736, NULL, "'%s' saw something else than the others",
+			                 out->cameras[bb_calibrate_find_sick(out, out->rms_px)].id);
 		else if (!(out->rms_px < WORST_SIGMA_PX))
 			status = bb_fail(err, BB_ERR_CONFIG, 1736, NULL, "%.2f px are left over after %u steps", out->rms_px, out->steps);
 	}

@@ -12,7 +12,7 @@
 #include "sync/calibrate/bundle.h"
 #include "sync/calibrate/sequence.h"
 
-#define BB_CALIBRATE_RODS 2400
+#define BB_CALIBRATE_RODS 4000
 
 struct bb_calibrate_config {
 	const struct bb_camera_config *cameras; /* borrowed: as planned, in the sequence's order */

@@ -14,6 +14,10 @@ BB_MUST_CHECK enum bb_status bb_calibrate_choose(const struct bb_calibrate_confi
 /* Is there a camera whose picture jumped at some time? The worst of those not reported yet, into its report. sigma_px:
  * noise of an observation. */
 bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px);
+/* The camera most of whose markers since its knock are far off; n_cameras: none. A knocked camera whose lens took up what
+ * two places could not explain looks like that: then what it saw last is kept, the later half. */
+size_t bb_calibrate_find_sick(const struct bb_calibration *c, double sigma_px);
+void bb_calibrate_halve(struct bb_calibration *c, size_t camera);
 /* When exactly, now that the adjustment is right about what came after: what came before is far off. */
 void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px);
 /* Moves cameras and rods to where the square says the room is. */

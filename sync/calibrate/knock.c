@@ -8,6 +8,7 @@
 #define LEAST_IN_SPAN 9
 #define LEAST_SPANS 2    /* on either side */
 #define FAR_SIGMAS 4.0
+#define SICK_SHARE 0.4   /* of a camera's markers are far off: it saw something else than the others */
 #define LEAST_SIGMAS 2.5 /* a smaller jump does no harm */
 #define CLEAR 1.5        /* times what the spans of either side differ among themselves, in the middle */
 
@@ -147,7 +148,7 @@ bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px)
 {
 	double *scratch = malloc((c->bundle.n_obs + 1) * sizeof(*scratch)), best = 0;
 	size_t worst = c->n_cameras;
-	struct bb_calibrate_camera found = { .knocked = true };
+	int64_t when_ns = 0;
 
 	for (size_t k = 0; scratch && k < 2 * c->n_cameras; k++) {
 		const size_t camera = k / 2;
@@ -162,21 +163,77 @@ bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px)
 			continue;
 		best = hypot(jump[0], jump[1]);
 		worst = camera;
-		found.knocked_ns = when(c, camera, &s, split);
-		found.knock_px = best;
+		when_ns = when(c, camera, &s, split);
 	}
 	free(scratch);
 	if (worst == c->n_cameras)
 		return false;
 	c->report[worst].knocked = true;
-	c->report[worst].knocked_ns = found.knocked_ns;
-	c->report[worst].knock_px = found.knock_px;
+	c->report[worst].knocked_ns = when_ns;
 	return true;
+}
+
+size_t bb_calibrate_find_sick(const struct bb_calibration *c, double sigma_px)
+{
+	const struct bb_bundle *b = &c->bundle;
+	size_t sickest = c->n_cameras;
+	double most = SICK_SHARE;
+
+	for (size_t k = 0; k < c->n_cameras; k++) {
+		size_t n = 0, far = 0;
+		for (size_t i = 0; i < b->n_obs; i++) {
+			const struct bb_bundle_obs *o = &b->obs[i];
+			if (o->camera != k || (c->report[k].knocked && c->rod_ns[o->rod] < c->report[k].knocked_ns))
+				continue;
+			n++;
+			far += !(part(o, HOW_FAR, 0) <= FAR_SIGMAS * sigma_px);
+		}
+		if ((double)far > most * (double)n) {
+			most = (double)far / (double)n;
+			sickest = k;
+		}
+	}
+	return sickest;
+}
+
+void bb_calibrate_halve(struct bb_calibration *c, size_t camera)
+{
+	struct bb_calibrate_camera *r = &c->report[camera];
+	const struct bb_bundle *b = &c->bundle;
+	size_t n = 0, at = 0;
+
+	for (int pass = 0; pass < 2; pass++) /* count them, then stop at the middle one */
+		for (size_t i = 0; i < b->n_obs; i++) {
+			const int64_t t_ns = c->rod_ns[b->obs[i].rod];
+			if (b->obs[i].camera != camera || (r->knocked && t_ns < r->knocked_ns))
+				continue;
+			if (!pass) {
+				n++;
+			} else if (at++ == n / 2) {
+				r->knocked = true;
+				r->knocked_ns = t_ns;
+				return;
+			}
+		}
+}
+
+/* Median distance of what a camera saw before it was knocked. */
+static double jump_of(const struct bb_calibration *c, size_t camera, double *scratch)
+{
+	size_t n = 0;
+
+	for (size_t i = 0; i < c->bundle.n_obs; i++) {
+		const struct bb_bundle_obs *o = &c->bundle.obs[i];
+		if (usable(o, camera) && c->rod_ns[o->rod] < c->report[camera].knocked_ns)
+			scratch[n++] = part(o, HOW_FAR, 0);
+	}
+	return n ? bb_median(scratch, n) : 0;
 }
 
 void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px)
 {
 	const struct bb_bundle *b = &c->bundle;
+	double *scratch = malloc((b->n_obs + 1) * sizeof(*scratch));
 
 	for (size_t k = 0; k < c->n_cameras; k++) {
 		int score = 0, best = 0;
@@ -191,7 +248,11 @@ void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px)
 				best_ns = c->rod_ns[o->rod] + 1;
 			}
 		}
-		if (c->report[k].knocked)
-			c->report[k].knocked_ns = best_ns;
+		if (!c->report[k].knocked)
+			continue;
+		c->report[k].knocked_ns = best_ns;
+		if (scratch)
+			c->report[k].knock_px = jump_of(c, k, scratch);
 	}
+	free(scratch);
 }

@@ -120,11 +120,11 @@ static void know_body(struct bb_track_body *b, const struct bb_body *body)
  * another does not take its blobs. */
 static void order_bodies(struct bb_tracker *tr)
 {
-	for (uint8_t i = 0; i < tr->config.n_bodies; i++) {
+	for (size_t i = 0; i < tr->config.n_bodies; i++) {
 		size_t at = i;
 		for (; at > 0 && tr->bodies[tr->order[at - 1]].body->n_markers < tr->bodies[i].body->n_markers; at--)
 			tr->order[at] = tr->order[at - 1];
-		tr->order[at] = i;
+		tr->order[at] = (uint8_t)i;
 	}
 }
 
