@@ -3,7 +3,7 @@
  * states, and what faults and options do to a camera's pictures.
  */
 #include "tests/fixture_room.h"
-#include "sim/camera/picture.h"
+#include "sim/camera/lights.h"
 #include "sim/sim_camera.h"
 #include "sync/blobs/blobs.h"
 
@@ -29,7 +29,9 @@ static void draw(const struct sim_sensor *s, const struct sim_light *l, size_t n
 static void by_points(const struct sim_light *l, double psf, double level[H][W])
 {
 	for (int k = 0; k < 300 * 24; k++) {
-		const double r = l->radius_px * sqrt((k % 300 + 0.5) / 300), a = 2.399963229728653 * (k % 300), t = (k / 300 + 0.5) / 24;
+		const double r = l->radius_px * sqrt((k % 300 + 0.5) / 300), a = 2.399963229728653 * (k % 300);
+		const int step = k / 300;
+		const double t = (step + 0.5) / 24;
 		const double x = l->x0_px + t * (l->x1_px - l->x0_px) + r * cos(a), y = l->y0_px + t * (l->y1_px - l->y0_px) + r * sin(a);
 		for (int p = 0; p < 11 * 11 * 25; p++) {
 			const int px = (int)x - 5 + p / 25 % 11, py = (int)y - 5 + p / 275;
@@ -317,6 +319,39 @@ static double nearest_px(const struct eye *e, struct bb_vec3 at)
 	return best;
 }
 
+static struct bb_pose turning(void *ctx, int64_t t_ns) /* a turn in 10 s */
+{
+	(void)ctx;
+	return (struct bb_pose){ { 0, 1.6, 0 }, bb_quat_euler_deg(36e-9 * (double)t_ns, 0, 0) };
+}
+
+static void markers_at_the_limb_are_sickles(void **state)
+{
+	const struct sim_lamp lamp = { .marker_mm = 12, .marker_grey = 200, .lamp_m = 2, .lamp_ns = 1000000 };
+	size_t whole = 0, partly = 0, gone = 0;
+	struct rig r;
+
+	(void)state;
+	rig_init(&r, 5, 2);
+	sim_world_set_head_fn(r.world, turning, NULL);
+	for (int64_t t = 0; t < 1000; t++) {
+		const struct sim_eye eye = { .world = r.world, .config = &r.fix.cameras[0], .lamp = &lamp,
+			                     .pose = r.fix.cameras[0].pose, .mid_ns = t * 10 * MS, .exposure_ns = 1000000 };
+		struct sim_light light[8];
+		size_t n;
+		assert_true(sim_lights_see(&eye, light, 8, &n));
+		assert_true(n <= 5);
+		gone += 5 - n;
+		for (size_t i = 0; i < n; i++) {
+			assert_true(light[i].hidden != (1u << SIM_DISC_POINTS) - 1);
+			*(light[i].hidden ? &partly : &whole) += 1;
+		}
+	}
+	printf("[ note ] markers of a turning head: %zu whole, %zu partly hidden, %zu not to be seen\n", whole, partly, gone);
+	assert_true(whole > 2000 && partly > 50 && gone > 300);
+	rig_done(&r);
+}
+
 static void rows_of_a_rolling_shutter_see_later(void **state)
 {
 	struct eye *global = open_eye(NULL, NULL, gliding), *rolling = open_eye("row_us", "100", gliding);
@@ -367,6 +402,7 @@ int main(void)
 		cmocka_unit_test(a_camera_shows_markers_or_its_own_blobs),
 		cmocka_unit_test(faults_show_in_pictures),
 		cmocka_unit_test(a_polished_floor_shows_ghosts),
+		cmocka_unit_test(markers_at_the_limb_are_sickles),
 		cmocka_unit_test(rows_of_a_rolling_shutter_see_later),
 		cmocka_unit_test(long_exposures_smear_and_keep_the_middle),
 	};

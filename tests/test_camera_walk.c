@@ -28,7 +28,7 @@
 #define PEAK 100
 #define PI 3.14159265358979323846
 
-static unsigned n_exposures = 150;
+static unsigned n_exposures = 100;
 static uint64_t seed = 1;
 static char **options;
 static int n_options;
@@ -87,7 +87,9 @@ static void begin(struct walk *w)
 	assert_int_equal(sim_world_create(r, w->path, NULL, w->clk, w->log, seed, &w->world), BB_OK);
 	snprintf(w->uri.scheme, sizeof(w->uri.scheme), "sim");
 	for (int i = 0; i < n_options; i++)
-		if (sscanf(options[i], "roundness=%lf", &usual.least_roundness) != 1)
+		if (!strncmp(options[i], "roundness=", 10))
+			usual.least_roundness = strtod(options[i] + 10, NULL);
+		else
 			set_option(&w->uri, options[i]);
 	const struct bb_open open = { .clk = w->clk, .events = w->log, .uri = &w->uri, .seed = seed, .fidelity = 2, .world = w->world };
 	for (size_t i = 0; i < CAMERAS_MAX; i++) {
