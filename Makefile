@@ -15,7 +15,7 @@ VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
 PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
-PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq
+PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq lapacke
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g

@@ -12,7 +12,9 @@ static const struct bb_command *const commands[] = {
 	&bb_cmd_phase_measure, &bb_cmd_phase_sense,
 	&bb_cmd_track_coverage, &bb_cmd_track_place,
 	&bb_cmd_track_replay, &bb_cmd_track_import, &bb_cmd_track_serve,
-	&bb_cmd_bench_track, NULL,
+	&bb_cmd_bench_track,
+	&bb_cmd_track_calibrate, &bb_cmd_track_align, &bb_cmd_track_coverage, &bb_cmd_track_place,
+	&bb_cmd_track_replay, &bb_cmd_track_import, &bb_cmd_track_serve, NULL,
 };
 
 int main(int argc, char **argv)

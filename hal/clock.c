@@ -101,6 +101,17 @@ void bb_clock_destroy(struct bb_clock *clk)
 	free(clk);
 }
 
+void bb_clock_today(char out[32])
+{
+	struct timespec t;
+	struct tm day;
+
+	clock_gettime(CLOCK_REALTIME, &t);
+	gmtime_r(&t.tv_sec, &day);
+	if (!strftime(out, 32, "%Y-%m-%d", &day))
+		out[0] = 0;
+}
+
 bool bb_clock_is_virtual(const struct bb_clock *clk)
 {
 	return clk->virtual_time;

@@ -160,6 +160,12 @@ static void test_lies(void **state)
 	bytes[0] = 7;
 	bytes[2]++;
 	assert_false(natnet_read(bytes, sizeof(bytes), &message, &why));
+	/* A marker set "a", then a force plate: what nobody here reads ends the list, and cannot be written. */
+	static const uint8_t plate[] = { 5, 0, 19, 0, 2, 0, 0, 0, 0, 0, 0, 0, 'a', 0, 0, 0, 0, 0, 3, 0, 0, 0, 9 };
+	assert_true(natnet_read(plate, sizeof(plate), &message, &why));
+	assert_int_equal(message.models.n, 1);
+	assert_int_equal(message.models.n_others, 1);
+	assert_int_equal(natnet_write(&message, out, sizeof(out)), 0);
 	message.id = NATNET_FRAME;
 	message.frame.n_sets = NATNET_SETS_MOST + 1;
 	assert_int_equal(natnet_write(&message, out, sizeof(out)), 0);

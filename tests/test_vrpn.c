@@ -121,7 +121,7 @@ static void greet(size_t piece)
 
 static void test_conversation(void **state)
 {
-	struct said said[16];
+	struct said said[16] = { 0 };
 	uint8_t bytes[512];
 	struct mocap_frame a = { .mid_exposure_ns = 1500000000 }, b = { .mid_exposure_ns = 1510000000 };
 
@@ -189,7 +189,7 @@ static void test_hostile(void **state)
 		assert_false(vrpn_session_take(&s, bytes, 24, 0));
 	}
 	vrpn_session_begin(&s, &model, 0);
-	memcpy(bytes, "vrpn: ver. 07.05  1", 19); /* an older minor version, with a log */
+	snprintf((char *)bytes, 24, "vrpn: ver. 07.05  1"); /* an older minor version, with a log */
 	assert_true(vrpn_session_take(&s, bytes, 24, 0));
 	assert_int_equal(s.log_mode, '1');
 

@@ -114,7 +114,7 @@ static void record_reads(struct bb_frame_loop *l, size_t n_reads, int64_t now_ns
 		const struct camera_read *c = &l->reads[i];
 		item.frame = (struct bb_record_frame){ .camera = (uint16_t)c->camera, .seq = c->seq, .device_ns = c->device_ns,
 			                               .arrived_ns = c->arrived_ns, .mid_ns = c->mid_ns,
-			                               .overflow = c->overflow, .n = c->n, .blobs = c->blobs };
+			                               .overflow = c->overflow, .given = c->given, .n = c->n, .blobs = c->blobs };
 		bb_recorder_put(l->outlets->recorder, &item);
 	}
 	item.kind = BB_RECORD_SOLVE;

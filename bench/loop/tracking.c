@@ -25,9 +25,9 @@ static void read_camera(struct bb_frame_loop *l, size_t cam, size_t *n_reads, in
 			                                   .blobs = frame.blobs,
 			                                   .n = frame.n,
 			                                   .overflow = frame.overflow,
-			                                   .arrived_ns = frame.arrived_ns,
-			                                   .device_ns = frame.mid_exposure.ns,
 			                                   .seq = frame.seq,
+			                                   .device_ns = frame.mid_exposure.ns,
+			                                   .arrived_ns = frame.arrived_ns,
 			                                   .mid_ns = bb_timemap_host_ns(&l->camera_map[cam], frame.mid_exposure) };
 		++*n_reads;
 	}
@@ -92,7 +92,8 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 	f->read_ns = bb_clock_now_ns(l->clk);
 	qsort(l->reads, n_reads, sizeof(*l->reads), by_time);
 	for (size_t i = 0; i < n_reads; i++) {
-		if (bb_drift_weight(l->drift, l->reads[i].camera) > 0) /* a knocked one would pull at the others */
+		l->reads[i].given = bb_drift_weight(l->drift, l->reads[i].camera) > 0; /* a knocked one would pull at the others */
+		if (l->reads[i].given)
 			bb_tracker_frame(l->tracker, l->reads[i].camera, l->reads[i].mid_ns, l->reads[i].blobs, l->reads[i].n);
 		if (l->reads[i].camera == 0)
 			bb_ledger_mark(l->ledger, BB_TRACK_STROBE, 0, l->reads[i].mid_ns, 0, 0);
@@ -106,11 +107,11 @@ void bb_track_read(struct bb_frame_loop *l, struct bb_frame *f, int64_t now_ns)
 		f->cameras = solutions[i].n_cameras;
 		f->solved_sigma_mm = solutions[i].position_sigma_mm;
 	}
-	bb_outlets_turn(l, n_reads, solutions, n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX, now_ns);
 	bb_labels_look(l, l->reads, n_reads, n ? &solutions[(n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX) - 1] : NULL, now_ns);
 	for (size_t i = 0; i < n_reads; i++)
 		bb_cameras_look(l, &l->reads[i], now_ns);
 	f->solved_ns = bb_clock_now_ns(l->clk);
+	bb_outlets_turn(l, n_reads, solutions, n < TRACK_SOLUTIONS_MAX ? n : TRACK_SOLUTIONS_MAX, now_ns);
 	bb_result_count(l->result, "poses_solved", n);
 	bb_result_count(l->result, "camera_frames", n_reads);
 	if (n_reads)

@@ -15,6 +15,7 @@ struct camera_read {
 	int64_t device_ns;          /* mid-exposure by the camera's own clock */
 	uint32_t seq;
 	bool overflow;
+	bool given;                 /* to the tracker */
 };
 
 /* labels.c. What the labels of the newest solutions say; newest: of the glasses in this turn, or NULL. */

@@ -4,10 +4,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/loop/seeing.h"
 #include "hal/scene.h"
 #include "sim/sim.h"
 #include "sim/sim_camera.h"
-#include "sync/blobs/blobs.h"
 
 #define SETTLE_NS BB_NS_PER_S
 
@@ -16,11 +16,9 @@ struct bb_studio_private {
 	struct bb_clock *clk;
 	struct bb_eventlog events;
 	struct bb_rig rig;
+	struct bb_seeing *seeing; /* NULL: the cameras find their blobs themselves */
 	struct bb_timemap *maps;
 	struct bb_blob *blobs;
-	struct bb_blob_finder **finders; /* by camera; of fidelity 2 only */
-	struct bb_spot *spots;
-	uint8_t *grey;
 };
 
 static enum bb_status check_room(const struct bb_room *room, struct bb_error *err)
@@ -70,31 +68,12 @@ static enum bb_status make_tracker(struct bb_studio *s, struct bb_error *err)
 	return status ? bb_fail(err, status, 1720, NULL, "%s: %s", room->path, bb_status_text(status)) : BB_OK;
 }
 
-/* Pictures are looked through here, as a run does it. */
-static enum bb_status make_finders(struct bb_studio *s, struct bb_error *err)
-{
-	const struct bb_blobs_config usual = bb_blobs_usual();
-	struct bb_studio_private *own = s->own;
-	int64_t most = 0;
-
-	own->finders = calloc(s->room->n_cameras, sizeof(struct bb_blob_finder *));
-	own->spots = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->spots));
-	for (size_t i = 0; own->finders && own->spots && i < s->room->n_cameras; i++) {
-		const struct bb_camera_config *c = &s->room->cameras[i];
-		most = c->width_px * c->height_px > most ? c->width_px * c->height_px : most;
-		const enum bb_status status =
-			bb_blob_finder_create(&usual, c->width_px, c->height_px, &own->finders[i]);
-		if (status)
-			return bb_fail(err, status, 1720, NULL, "camera/%s: its pictures", c->id);
-	}
-	own->grey = calloc(1, (size_t)most + 1);
-	return own->finders && own->spots && own->grey ? BB_OK : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "pictures");
-}
-
 static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 {
 	struct bb_studio_private *own = s->own;
 
+	if (bb_seeing_create(s->room->cameras, own->rig.cameras, s->room->n_cameras, &own->seeing))
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "blob finders");
 	own->maps = calloc(s->room->n_cameras, sizeof(*own->maps));
 	own->blobs = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->blobs));
 	if (!own->maps || !own->blobs)
@@ -110,17 +89,6 @@ static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 	return BB_OK;
 }
 
-static void find_blobs(struct bb_studio_private *own, size_t camera, struct bb_camera_frame *frame)
-{
-	const int64_t width_px = own->rig.room->cameras[camera].width_px;
-
-	if (!frame->has_grey)
-		return;
-	frame->n = bb_blobs_find(own->finders[camera], frame->grey, (size_t)width_px, own->spots, frame->cap).n;
-	for (size_t i = 0; i < frame->n; i++)
-		frame->blobs[i] = bb_spot_blob(&own->spots[i]);
-}
-
 /* Every frame that has arrived goes to the tracker; returns how many. */
 static size_t read_frames(struct bb_studio *s)
 {
@@ -129,12 +97,9 @@ static size_t read_frames(struct bb_studio *s)
 
 	for (size_t i = 0; i < s->room->n_cameras; i++)
 		for (;; n++) {
-			struct bb_camera_frame frame = { .blobs = own->blobs,
-							 .cap = BB_CAMERA_BLOBS_MAX,
-							 .grey = own->grey };
-			if (bb_camera_read(own->rig.cameras[i], &frame) != BB_OK)
+			struct bb_camera_frame frame = { .blobs = own->blobs, .cap = BB_CAMERA_BLOBS_MAX };
+			if (bb_seeing_read(own->seeing, i, own->rig.cameras[i], &frame) != BB_OK)
 				break;
-			find_blobs(own, i, &frame);
 			bb_timemap_add(&own->maps[i], frame.mid_exposure, frame.arrived_ns);
 			s->mid_ns = bb_timemap_host_ns(&own->maps[i], frame.mid_exposure);
 			bb_tracker_frame(s->tracker, i, s->mid_ns, frame.blobs, frame.n);
@@ -181,20 +146,28 @@ static enum bb_status open_world(const struct bb_studio_config *c, struct bb_stu
 
 enum bb_status bb_studio_open(const struct bb_studio_config *config, struct bb_studio *out, struct bb_error *err)
 {
-	*out = (struct bb_studio){ .own = calloc(1, sizeof(*out->own)) };
-	if (!out->own)
+	struct bb_room *room;
+	const enum bb_status status = bb_room_load(config->room, &room, err);
+
+	*out = (struct bb_studio){ 0 };
+	return status ? status : bb_studio_open_room(config, room, out, err);
+}
+
+enum bb_status bb_studio_open_room(const struct bb_studio_config *config, struct bb_room *room, struct bb_studio *out,
+				   struct bb_error *err)
+{
+	*out = (struct bb_studio){ .room = room, .own = calloc(1, sizeof(*out->own)) };
+	if (!out->own) {
+		bb_room_free(room);
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a studio");
-	enum bb_status status = bb_room_load(config->room, &out->room, err);
-	if (!status)
-		status = check_room(out->room, err);
+	}
+	enum bb_status status = check_room(room, err);
 	if (!status)
 		status = open_world(config, out, err);
 	if (!status)
 		status = open_cameras(config, out, err);
 	if (!status)
 		status = make_tracker(out, err);
-	if (!status && config->fidelity == 2)
-		status = make_finders(out, err);
 	if (!status)
 		status = start(out, err);
 	if (status)
@@ -210,12 +183,8 @@ void bb_studio_close(struct bb_studio *s)
 
 	if (!own)
 		return;
-	for (size_t i = 0; own->finders && i < s->room->n_cameras; i++)
-		bb_blob_finder_destroy(own->finders[i]);
-	free(own->finders);
-	free(own->spots);
-	free(own->grey);
 	bb_tracker_destroy(s->tracker);
+	bb_seeing_destroy(own->seeing);
 	bb_rig_close(&own->rig);
 	sim_world_destroy(s->world);
 	bb_clock_destroy(own->clk);
@@ -236,7 +205,9 @@ bool bb_studio_step(struct bb_studio *s, struct bb_track_solution *solution, boo
 		return false;
 	bb_clock_run_until(s->own->clk, now_ns + s->period_ns);
 	read_frames(s);
+	const int64_t from_ns = bb_clock_stopwatch_ns();
 	*solved = bb_tracker_solve(s->tracker, true, 0, solution, 1) > 0;
+	s->solve_ns = bb_clock_stopwatch_ns() - from_ns;
 	return true;
 }
 

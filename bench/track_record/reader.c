@@ -26,6 +26,7 @@ struct bb_record_reader {
 	bool packed, dry, ended; /* dry: no bytes are left; ended: by its own last line */
 	ZSTD_inBuffer in;        /* what of raw is not used yet */
 	size_t n_text, at_text;
+	size_t unfinished;       /* 0: the compressed bytes are whole, their checksum too */
 	uint64_t n_frames, n_poses;
 	int line_no;
 	struct bb_record_head head;
@@ -76,8 +77,10 @@ static enum bb_status refill(struct bb_record_reader *r, struct bb_error *err)
 			memcpy(r->text, (const uint8_t *)r->in.src + r->in.pos, r->in.size - r->in.pos);
 			out.pos = r->in.size - r->in.pos;
 			r->in.pos = r->in.size;
-		} else if (ZSTD_isError(ZSTD_decompressStream(r->unpack, &out, &r->in))) {
-			return bad(r, err, "the compressed bytes are damaged");
+		} else {
+			r->unfinished = ZSTD_decompressStream(r->unpack, &out, &r->in);
+			if (ZSTD_isError(r->unfinished))
+				return bad(r, err, "the compressed bytes are damaged");
 		}
 	}
 	r->n_text = out.pos;
@@ -289,12 +292,12 @@ static enum bb_status read_head(struct bb_record_reader *r, struct bb_error *err
 static bool take_frame(struct bb_record_reader *r, char *rest, struct bb_record_item *item)
 {
 	struct bb_record_frame *f = &item->frame;
-	int64_t camera, seq, overflow, n;
+	int64_t camera, seq, overflow, given, n;
 
 	if (!whole(&rest, 0, (int64_t)r->head.n_cameras - 1, &camera) || !whole(&rest, 0, UINT32_MAX, &seq) ||
 	    !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->device_ns) || !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->arrived_ns) ||
 	    !whole(&rest, -STAMP_MOST, STAMP_MOST, &f->mid_ns) || !whole(&rest, 0, 1, &overflow) ||
-	    !whole(&rest, 0, BB_CAMERA_BLOBS_MAX, &n))
+	    !whole(&rest, 0, 1, &given) || !whole(&rest, 0, BB_CAMERA_BLOBS_MAX, &n))
 		return false;
 	for (int64_t i = 0; i < n; i++) {
 		struct bb_blob *b = &r->blobs[i];
@@ -305,6 +308,7 @@ static bool take_frame(struct bb_record_reader *r, char *rest, struct bb_record_
 	f->camera = (uint16_t)camera;
 	f->seq = (uint32_t)seq;
 	f->overflow = overflow;
+	f->given = given;
 	f->n = (size_t)n;
 	f->blobs = r->blobs;
 	r->n_frames++;
@@ -383,7 +387,7 @@ static enum bb_status nothing_more(struct bb_record_reader *r, struct bb_error *
 	if (r->at_text == r->n_text) {
 		const enum bb_status status = refill(r, err);
 		if (status == BB_SKIPPED)
-			return BB_OK;
+			return r->unfinished ? over(r, err) : BB_OK;
 		if (status != BB_OK)
 			return status;
 	}
@@ -460,7 +464,7 @@ enum bb_status bb_record_open_bytes(const uint8_t *bytes, size_t n, struct bb_re
 	r->memory = bytes;
 	r->n_memory = n;
 	r->packed = r->ended = false;
-	r->n_text = r->at_text = 0;
+	r->n_text = r->at_text = r->unfinished = 0;
 	r->n_frames = r->n_poses = 0;
 	r->line_no = 0;
 	memset(&r->head, 0, offsetof(struct bb_record_head, camera));

@@ -41,6 +41,7 @@ struct bb_record_frame {
 	uint32_t seq;
 	int64_t device_ns, arrived_ns, mid_ns; /* mid_ns: mid-exposure as the tracker was told it */
 	bool overflow;
+	bool given;              /* to the tracker; not of a camera that was knocked */
 	size_t n;
 	const struct bb_blob *blobs;
 };

@@ -26,7 +26,7 @@ void bb_record_word(char out[BB_ID_MAX], const char *text)
 {
 	size_t n = 0;
 
-	for (; text[n] && n < BB_ID_MAX - 1; n++)
+	for (; n < BB_ID_MAX - 1 && text[n]; n++)
 		out[n] = text[n] > ' ' && text[n] < 127 ? text[n] : '_';
 	if (!n)
 		out[n++] = '_';
@@ -170,8 +170,8 @@ static void put_frame(struct bb_recorder *r, const struct bb_record_frame *f)
 
 	for (size_t i = 0; i < f->n; i++)
 		n += is_somewhere(&f->blobs[i]);
-	put(r, "f %u %u %" PRId64 " %" PRId64 " %" PRId64 " %d %zu", f->camera, f->seq, f->device_ns, f->arrived_ns,
-	    f->mid_ns, f->overflow, n);
+	put(r, "f %u %u %" PRId64 " %" PRId64 " %" PRId64 " %d %d %zu", f->camera, f->seq, f->device_ns,
+	    f->arrived_ns, f->mid_ns, f->overflow, f->given, n);
 	for (size_t i = 0; i < f->n; i++)
 		if (is_somewhere(&f->blobs[i]))
 			put(r, " %.9g %.9g %.9g", (double)f->blobs[i].x_px, (double)f->blobs[i].y_px,

@@ -206,7 +206,7 @@ static void send_to(struct bb_mocap *m, const struct natnet_address *to, const u
 static void hear_natnet(struct bb_mocap *m, uint8_t way, int64_t now_ns)
 {
 	for (int i = 0; i < DATAGRAMS_PER_STEP; i++) {
-		struct sockaddr_in a;
+		struct sockaddr_in a = { 0 };
 		socklen_t n_a = sizeof(a);
 		const ssize_t n = recvfrom(m->udp[way], m->in, sizeof(m->in), MSG_DONTWAIT, (struct sockaddr *)&a, &n_a);
 		if (n < 0 && (errno == ECONNREFUSED || errno == EINTR)) /* a client that is gone says so by ICMP */
@@ -228,8 +228,8 @@ static void step_natnet(struct bb_mocap *m, int64_t now_ns)
 	struct natnet_address gone;
 	size_t n;
 
-	for (uint8_t way = 0; way < WAYS; way++)
-		hear_natnet(m, way, now_ns);
+	hear_natnet(m, WAY_COMMAND, now_ns);
+	hear_natnet(m, WAY_DATA, now_ns);
 	while ((n = natnet_server_expire(m->natnet, now_ns, &gone, m->out, sizeof(m->out))) > 0)
 		send_to(m, &gone, m->out, n);
 }
@@ -277,7 +277,7 @@ static void adopt(struct bb_mocap *m, int fd, int64_t now_ns)
 static void accept_all(struct bb_mocap *m, int64_t now_ns)
 {
 	for (int i = 0; i < MOCAP_VRPN_MAX; i++) {
-		struct sockaddr_in a;
+		struct sockaddr_in a = { 0 };
 		socklen_t n = sizeof(a);
 		const int fd = accept4(m->listener, (struct sockaddr *)&a, &n, SOCK_CLOEXEC | SOCK_NONBLOCK);
 		if (fd < 0)
@@ -295,7 +295,7 @@ static void accept_all(struct bb_mocap *m, int64_t now_ns)
 static void call_back(struct bb_mocap *m, int64_t now_ns)
 {
 	for (int i = 0; i < DATAGRAMS_PER_STEP; i++) {
-		struct sockaddr_in a;
+		struct sockaddr_in a = { 0 };
 		socklen_t n_a = sizeof(a);
 		uint32_t ip = 0;
 		uint16_t port = 0;

@@ -206,14 +206,19 @@ static void models(struct walk *w, struct natnet_models *all)
 {
 	int32_t n = all->n;
 
-	count(w, &n, NATNET_MODELS_MOST, 9);
+	count(w, &n, NATNET_MODELS_MOST, sizeof(int32_t));
 	if (w->in)
-		all->n = all->n_skeletons = 0;
-	else if (all->n_skeletons)
-		w->why = "skeletons are not written";
+		all->n = all->n_others = 0;
+	else if (all->n_others)
+		w->why = "only sets and bodies are written";
 	for (int32_t i = 0; i < n && good(w); i++) {
 		struct natnet_model *m = &all->model[w->in ? all->n : i];
 		number(w, &m->kind);
+		if (good(w) && w->in && m->kind > NATNET_SKELETON) { /* force plates, devices, cameras: they come last */
+			all->n_others += n - i;
+			skip(w, w->left);
+			return;
+		}
 		name(w, m->name);
 		if (m->kind == NATNET_RIGID_BODY)
 			body_model(w, m);
@@ -224,7 +229,7 @@ static void models(struct walk *w, struct natnet_models *all)
 		else
 			w->why = w->why ? w->why : "a kind of model nobody knows";
 		if (w->in)
-			*(m->kind == NATNET_SKELETON ? &all->n_skeletons : &all->n) += 1;
+			*(m->kind == NATNET_SKELETON ? &all->n_others : &all->n) += 1;
 	}
 }
 

@@ -67,7 +67,7 @@ struct natnet_frame {
 };
 
 struct natnet_model {
-	int32_t kind;            /* enum natnet_model_kind; skeletons are counted only */
+	int32_t kind;            /* enum natnet_model_kind; others are counted only */
 	char name[NATNET_NAME_MOST];
 	int32_t id, parent, n_markers;
 	float offset[3];
@@ -77,7 +77,7 @@ struct natnet_model {
 };
 
 struct natnet_models {
-	int32_t n, n_skeletons;  /* n: without them */
+	int32_t n, n_others;     /* n: marker sets and rigid bodies */
 	struct natnet_model model[NATNET_MODELS_MOST];
 };
 

@@ -159,7 +159,7 @@ static void tell_models(const struct natnet_server *s, struct natnet_message *m)
 
 	m->id = NATNET_MODELS;
 	m->models.n = (int32_t)(2 * n + 1);
-	m->models.n_skeletons = 0;
+	m->models.n_others = 0;
 	all->kind = NATNET_MARKER_SET;
 	all->n_markers = 0;
 	snprintf(all->name, sizeof(all->name), "all");

@@ -2,6 +2,7 @@
 #include "drivers/mocap/vrpn.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { TYPE_POS_QUAT, TYPE_VELOCITY, TYPE_PONG, TYPES };
@@ -278,24 +279,41 @@ void vrpn_session_frame(struct vrpn_session *s, const struct mocap_frame *frame,
 
 /* ---- lobs ---- */
 
+/* Digits, most at most, and then exactly this sign. */
+static bool number_then(const char **text, char sign, long most, long *out)
+{
+	char *end;
+
+	if (**text < '0' || **text > '9')
+		return false;
+	*out = strtol(*text, &end, 10);
+	*text = end + 1;
+	return *end == sign && *out <= most;
+}
+
 bool vrpn_lob_read(const uint8_t *bytes, size_t n, uint32_t *ip, uint16_t *port)
 {
-	char text[64], end;
-	unsigned part[4], number;
+	static const char signs[] = "... ";
+	const char *at;
+	char text[64];
+	uint8_t part[4];
+	long v;
 
 	while (n && !bytes[n - 1])
 		n--;
-	if (!n || n >= sizeof(text) || memchr(bytes, 0, n))
+	if (n >= sizeof(text) || memchr(bytes, 0, n))
 		return false;
 	memcpy(text, bytes, n);
 	text[n] = '\0';
-	if (strspn(text, "0123456789. ") != n ||
-	    sscanf(text, "%3u.%3u.%3u.%3u %5u%c", &part[0], &part[1], &part[2], &part[3], &number, &end) != 5)
+	at = text;
+	for (int i = 0; i < 4; i++) {
+		if (!number_then(&at, signs[i], 255, &v))
+			return false;
+		part[i] = (uint8_t)v;
+	}
+	if (!number_then(&at, '\0', 65535, &v) || !v)
 		return false;
-	if (part[0] > 255 || part[1] > 255 || part[2] > 255 || part[3] > 255 || !number || number > 65535)
-		return false;
-	const uint8_t address[4] = { (uint8_t)part[0], (uint8_t)part[1], (uint8_t)part[2], (uint8_t)part[3] };
-	memcpy(ip, address, sizeof(address));
-	*port = (uint16_t)number;
+	memcpy(ip, part, sizeof(part));
+	*port = (uint16_t)v;
 	return true;
 }

@@ -12,7 +12,7 @@ static uint8_t out[NATNET_DATAGRAM_MOST];
 static bool counts_only(const struct natnet_message *m)
 {
 	return (m->id == NATNET_FRAME && (m->frame.n_skeletons || m->frame.n_plates || m->frame.n_devices)) ||
-	       (m->id == NATNET_MODELS && m->models.n_skeletons);
+	       (m->id == NATNET_MODELS && m->models.n_others);
 }
 
 static void one(const uint8_t *data, size_t n, uint8_t less)
