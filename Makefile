@@ -15,7 +15,7 @@ VARIANT := $(notdir $(firstword $(CC)))$(if $(SAN),-$(subst $(comma),-,$(SAN)))
 B       := build/$(VARIANT)
 PROGRAM := $(if $(filter gcc,$(VARIANT)),build/blackburst,$B/blackburst)
 
-PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq
+PKGS    := yaml-0.1 jansson libpng cairo zlib libcrypto libgpiod libusb-1.0 hidapi-hidraw libevdev libmodbus liblz4 libzstd libzmq lapacke
 WARN    := -Wall -Wextra -Wconversion -Wshadow -Wstrict-prototypes -Wmissing-prototypes -Wdouble-promotion -Wvla
 OPT     ?= -O2
 CFLAGS  ?= -g
@@ -196,6 +196,11 @@ bench-plan:
 	@$(MAKE) --no-print-directory B=build/plan-1us CFLAGS='-g -DBRUTE_STRIDE=1' build/plan-1us/tests/test_plan
 	@build/plan-1us/tests/test_plan
 
+# 3000 exposures of the cabin's eight cameras as pictures, and the poses from them: ten seconds. ARGS="2 marker_mm=16"
+bench-eyes: $B/tests/test_camera_walk all
+	@$< 3000 $(ARGS)
+	$(PROGRAM) bench blobs
+
 # The GLSL caster beside a plain one on the same driver (minutes, and only worth reading on idle cores).
 bench-gl: $B/tests/bench_gl
 	@$< || [ $$? = 77 ]
@@ -212,6 +217,12 @@ bench-cast: $B/tests/bench/cast
 S ?= 600
 bench-posix: all
 	@BB_PROGRAM=$(PROGRAM) LINK=$(or $(LINK),shm) tests/bench/posix.sh $S
+
+# The tracker over 10^5 frames of a walk, what its solver costs, what prediction buys (half a minute).
+bench-track: all
+	$(PROGRAM) bench track --walk --frames 100000
+	$(PROGRAM) bench track --scaling
+	$(PROGRAM) trade --table prediction
 
 # Ways to flip together: simulated, and real processes beside MPI_Barrier where OpenMPI is (quiet cores, or noise).
 bench-barrier: all
@@ -256,6 +267,6 @@ help:
 	@sed -n '2,8p' Makefile | cut -c3-
 
 .PHONY: all deps data run run-room check check-threads check-hw check-kernel guest-programs tests hdr-check layer-check lint \
-        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-posix bench-plan soak fuzz fuzz-build fuzz-programs install uninstall format clean help
+        bench bench-volume bench-hour bench-gl bench-cast bench-barrier bench-track bench-posix bench-plan bench-eyes soak fuzz fuzz-build fuzz-programs install uninstall format clean help
 .SECONDARY:
 -include $(SRC:%.c=$B/%.d) $(TESTS:=.d) $(GUEST:=.d) $B/tests/bench/cast.d

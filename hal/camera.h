@@ -36,6 +36,7 @@ struct bb_camera_config {
 	double exposure_us, readout_us;
 	double transfer_us, transfer_jitter_us; /* read-out end to host arrival */
 	double noise_px;           /* sd of a blob's centre, each axis */
+	double calibrated_px;      /* rms its calibration left over, each axis; 0: pose and lens are as planned */
 };
 
 struct bb_camera_limits {

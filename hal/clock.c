@@ -40,6 +40,14 @@ int64_t bb_clock_stopwatch_ns(void)
 	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
 }
 
+int64_t bb_clock_cpu_ns(void)
+{
+	struct timespec t;
+
+	clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+	return (int64_t)t.tv_sec * BB_NS_PER_S + t.tv_nsec;
+}
+
 static int64_t bent(const struct bend *b, int64_t t_ns)
 {
 	return t_ns + b->off_ns + (int64_t)(b->rate * (double)(t_ns - b->ref_ns));
@@ -91,6 +99,17 @@ void bb_clock_destroy(struct bb_clock *clk)
 		clk->heap[i].timer->slot = 0;
 	free(clk->heap);
 	free(clk);
+}
+
+void bb_clock_today(char out[32])
+{
+	struct timespec t;
+	struct tm day;
+
+	clock_gettime(CLOCK_REALTIME, &t);
+	gmtime_r(&t.tv_sec, &day);
+	if (!strftime(out, 32, "%Y-%m-%d", &day))
+		out[0] = 0;
 }
 
 bool bb_clock_is_virtual(const struct bb_clock *clk)

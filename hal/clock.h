@@ -46,6 +46,9 @@ int64_t bb_clock_of_realtime_ns(const struct bb_clock *clk, int64_t realtime_ns)
 bool bb_clock_wall_ahead_ns(const struct bb_clock *clk, int64_t *ahead_ns);
 void bb_clock_set_wall_ahead(struct bb_clock *clk, int64_t ahead_ns);
 
+/* The wall clock's date, "2026-11-22", UTC: for files that say when they were made, and for nothing else. */
+void bb_clock_today(char out[32]);
+
 /* Arm (or re-arm) for an absolute time; a time in the past runs next. Fails only with BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_clock_arm(struct bb_clock *clk, struct bb_timer *timer, int64_t at_ns);
 void bb_clock_disarm(struct bb_clock *clk, struct bb_timer *timer);
@@ -80,5 +83,7 @@ uint64_t bb_clock_steps(const struct bb_clock *clk);
 /* CPU-independent stopwatch for measured costs: real monotonic ns on either clock. Never used for decisions on the
  * virtual clock. */
 int64_t bb_clock_stopwatch_ns(void);
+/* The same of the calling thread's processor time: what work costs, whoever else is busy. */
+int64_t bb_clock_cpu_ns(void);
 
 #endif

@@ -74,7 +74,8 @@ struct bb_room {
 	bool has_chain;
 	struct bb_shutter_config chain;
 	size_t n_cameras;
-	struct bb_camera_config *cameras;
+	struct bb_camera_config *cameras; /* calibrated, when the file names a calibration */
+	char calibration[BB_PATH_MAX_BYTES], calibrated[32]; /* its file and date; empty: cameras are as planned */
 	size_t n_monitors;
 	struct bb_monitor_config *monitors;
 	size_t n_pdus;
@@ -91,6 +92,8 @@ struct bb_room {
 };
 
 BB_MUST_CHECK enum bb_status bb_room_load(const char *path, struct bb_room **out, struct bb_error *err);
+/* The same with its cameras as planned, whether or not it names a calibration: what a calibration starts from. */
+BB_MUST_CHECK enum bb_status bb_room_load_planned(const char *path, struct bb_room **out, struct bb_error *err);
 void bb_room_free(struct bb_room *room);
 
 /* Geometry lint: findings that a loaded room may have. severity 1 = error (exit 1), 0 = warning. */

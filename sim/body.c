@@ -136,8 +136,50 @@ static double segment_segment(struct bb_vec3 a, struct bb_vec3 b, struct bb_vec3
 	return best;
 }
 
+/* The part of a wall that swings, hinged at its left edge. */
+static struct bb_corners door_leaf(const struct bb_wall *wall, double deg)
+{
+	const double u0 = (double)wall->door_column / (double)wall->columns, v0 = (double)wall->door_row / (double)wall->rows;
+	const double u1 = u0 + (double)wall->door_columns / (double)wall->columns;
+	const double v1 = v0 + (double)wall->door_rows / (double)wall->rows;
+	const struct bb_vec3 hinge = bb_corners_at(&wall->corners, u0, v0), top = bb_corners_at(&wall->corners, u0, v1);
+	const struct bb_vec3 across = bb_vec3_sub(bb_corners_at(&wall->corners, u1, v0), hinge);
+	const struct bb_vec3 up = bb_vec3_unit(bb_vec3_sub(top, hinge), (struct bb_vec3){ 0, 1, 0 });
+	const struct bb_quat turn = bb_quat_axis_angle(up, -deg * 3.14159265358979323846 / 180); /* right x up is into the room */
+
+	return (struct bb_corners){ hinge, bb_vec3_add(hinge, bb_quat_rotate(turn, across)), top };
+}
+
+/* Does the way from a to b go through a rectangle? */
+static bool crosses(const struct bb_corners *c, struct bb_vec3 a, struct bb_vec3 b)
+{
+	const struct bb_vec3 right = bb_vec3_sub(c->lower_right, c->lower_left), up = bb_vec3_sub(c->upper_left, c->lower_left);
+	const struct bb_vec3 normal = bb_vec3_cross(right, up);
+	const double da = bb_vec3_dot(bb_vec3_sub(a, c->lower_left), normal), db = bb_vec3_dot(bb_vec3_sub(b, c->lower_left), normal);
+
+	if (!(da * db < 0))
+		return false;
+	const struct bb_vec3 at = bb_vec3_sub(bb_vec3_lerp(a, b, da / (da - db)), c->lower_left);
+	const double u = bb_vec3_dot(at, right) / bb_vec3_dot(right, right), v = bb_vec3_dot(at, up) / bb_vec3_dot(up, up);
+	return u >= 0 && u <= 1 && v >= 0 && v <= 1;
+}
+
+static bool door_hides(const struct sim_world *w, struct bb_vec3 a, struct bb_vec3 b)
+{
+	for (size_t i = 0; w->viewer.door_mdeg && i < w->room->n_walls; i++) {
+		if (!w->room->walls[i].door_columns)
+			continue;
+		const struct bb_corners leaf = door_leaf(&w->room->walls[i], (double)w->viewer.door_mdeg * 1e-3);
+		if (crosses(&leaf, a, b))
+			return true;
+	}
+	return false;
+}
+
 bool sim_world_visible(const struct sim_world *w, struct bb_vec3 camera, struct bb_vec3 marker, int64_t at_ns)
 {
+	if (door_hides(w, camera, marker))
+		return false;
 	if (w->viewer.left)
 		return true;
 	const struct bb_pose head = sim_world_head(w, at_ns);

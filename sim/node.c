@@ -127,11 +127,24 @@ static enum bb_status viewer_loosen(void *device, const struct sim_fault_args *a
 	return status;
 }
 
+static enum bb_status viewer_door(void *device, const struct sim_fault_args *args, bool on, struct bb_error *err)
+{
+	struct sim_viewer_state *viewer = device;
+	double deg;
+	const enum bb_status status = sim_fault_range(args, "deg", SIM_FAULT_REQUIRED, 0, 170, &deg, err);
+
+	if (status == BB_OK && viewer)
+		viewer->door_mdeg += llround((on ? 1e3 : -1e3) * deg);
+	return status;
+}
+
 const struct sim_verb sim_viewer_verbs[] = {
 	{ "leave", "", "nobody is in the room: no marker, nothing that hides one", "", viewer_leave },
 	{ "grip", "marker=N", "a finger lies on marker N of the wand (from 1)", "marker=4", viewer_grip },
 	{ "loosen", "marker=N mm=N", "marker N of the glasses (from 1) is out of its place by so much", "marker=2 mm=20",
 	  viewer_loosen },
+	{ "door", "deg=N", "the room's door, if it has one, stands open into the room: cameras do not see through it", "deg=80",
+	  viewer_door },
 	{ NULL, NULL, NULL, NULL, NULL },
 };
 

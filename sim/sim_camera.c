@@ -1,6 +1,6 @@
 /* sim/sim_camera.c: a tracking camera; the model stands in sim/sim_camera.h. One timer, on the owner's thread. */
 #include "sim/sim_camera.h"
-#include "sim/camera/lights.h"
+#include "sim/camera/camera_impl.h"
 #include "sim/sim.h"
 #include "sim/sim_option.h"
 
@@ -13,45 +13,6 @@
 #define OWN_RATE_PPM 50.0     /* crystals */
 #define DEVICE_CLOCK_PPM 30.0
 #define TICK_NS 1000
-#define RAD_PER_DEG (3.14159265358979323846 / 180.0)
-
-struct queued {
-	uint32_t seq;
-	int64_t mid_dev_ns, arrived_ns;
-	bool overflow, stalled;
-	size_t n;
-	struct bb_blob blob[SIM_CAMERA_BLOBS];
-	struct sim_rng noise; /* fidelity 2: what the picture is drawn from when somebody wants it */
-	size_t n_lights;
-	double sun;
-	struct sim_light light[SIM_CAMERA_BLOBS];
-};
-
-struct sim_camera {
-	struct bb_camera base;
-	struct sim_world *world;
-	struct bb_timer timer;
-	struct sim_rng rng;
-	struct sim_sensor sensor;
-	struct sim_lamp lamp;
-	struct sim_picture *picture; /* fidelity 2 */
-	bool ideal, running;
-	int64_t exposure_ns, offset_ns, readout_ns, transfer_ns, jitter_ns;
-	int64_t start_ns;        /* of the exposure under way */
-	uint32_t seq;
-	int64_t own_phase_ns, own_ppb; /* of exposures without sync */
-	int64_t dev_zero_ns, dev_ppb;  /* device counter: ticks at host time t */
-	uint32_t dev_start;
-	struct bb_unwrap32 unwrap;
-	int64_t last_arrived_ns;
-	struct bb_vec3 bump_axis;
-	int64_t lost, covered, freerun, frozen, stalled, drop_ppm, noise_npx, bump_ndeg, flood, sun_mgrey, mirror_ppm; /* sums over faults */
-	unsigned stalls;         /* in a row */
-	struct queued still;     /* the picture that stands still */
-	struct queued *queue;
-	uint32_t head, n_queued;
-	uint64_t dropped;
-};
 
 static struct sim_camera *own(struct bb_camera *cam)
 {
@@ -171,190 +132,9 @@ bool sim_camera_project(const struct bb_camera_config *config, struct bb_vec3 p,
 	return true;
 }
 
-static struct bb_pose pose_now(const struct sim_camera *c)
-{
-	struct bb_pose pose = c->base.config.pose;
-
-	if (c->bump_ndeg)
-		pose.q = bb_quat_mul(pose.q,
-		                     bb_quat_axis_angle(c->bump_axis, (double)c->bump_ndeg * 1e-9 * RAD_PER_DEG));
-	return pose;
-}
-
-static bool put(struct bb_blob *blobs, size_t *n, struct bb_blob blob)
-{
-	if (*n == SIM_CAMERA_BLOBS)
-		return false;
-	blobs[(*n)++] = blob;
-	return true;
-}
-
-static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct bb_blob *blobs,
-                        size_t *n)
-{
-	const struct bb_pose pose = pose_now(c);
-	const double sd_px = c->base.limits.blob_error_px + (double)c->noise_npx * 1e-9;
-	struct bb_vec3 marker[BB_BODIES_MAX * 6];
-	const size_t n_markers = sim_world_markers(c->world, mid_ns, marker, BB_ARRAY_LEN(marker));
-	const double size = c->lamp.marker_mm / (SIM_MARKER_DIAMETER_M * 1e3);
-	struct bb_blob blob;
-	bool fits = true;
-
-	for (size_t i = 0; i < n_markers; i++) {
-		/* Drawn for every marker, seen or not: what hides one does not move another. */
-		const double dx = sd_px * sim_rng_normal(r), dy = sd_px * sim_rng_normal(r);
-		if (!sim_camera_project(&c->base.config, bb_pose_inverse_apply(&pose, marker[i]), &blob))
-			continue;
-		if (!c->ideal && !sim_world_visible(c->world, c->base.config.pose.p, marker[i], mid_ns))
-			continue;
-		blob.x_px = (float)((double)blob.x_px + dx);
-		blob.y_px = (float)((double)blob.y_px + dy);
-		blob.area_px = (float)((double)blob.area_px * size * size);
-		fits &= put(blobs, n, blob);
-	}
-	return fits;
-}
-
-static struct sim_eye eye_at(const struct sim_camera *c, int64_t mid_ns)
-{
-	return (struct sim_eye){ .world = c->world, .config = &c->base.config, .lamp = &c->lamp, .pose = pose_now(c),
-		                 .mid_ns = mid_ns, .exposure_ns = c->exposure_ns, .mirror = (double)c->mirror_ppm * 1e-6 };
-}
-
-/* What a polished floor returns is near the threshold: each ghost is there in that share of the frames. */
-static bool see_ghosts(const struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct bb_blob *blobs, size_t *n)
-{
-	const struct sim_eye eye = eye_at(c, mid_ns);
-	struct sim_light light[SIM_CAMERA_BLOBS];
-	size_t n_lights = 0;
-
-	if (c->ideal || !(eye.mirror + c->lamp.mirror > 0))
-		return true;
-	bool fits = sim_lights_see(&eye, light, BB_ARRAY_LEN(light), &n_lights);
-	for (size_t i = 0; i < n_lights; i++) {
-		const struct sim_light *l = &light[i];
-		const struct bb_blob ghost = { (float)((l->x0_px + l->x1_px) / 2), (float)((l->y0_px + l->y1_px) / 2),
-			                       (float)(3.1415926535897932 * l->radius_px * l->radius_px) };
-		if (l->ghost && sim_rng_uniform(r) < eye.mirror + c->lamp.mirror)
-			fits &= put(blobs, n, ghost);
-	}
-	return fits;
-}
-
-static double sun_grey(const struct sim_camera *c)
-{
-	return c->covered ? 0 : c->sensor.sun_grey + (double)c->sun_mgrey * 1e-3;
-}
-
-/* Who looks for bright points takes a patch of sun for a large one: as far as it reaches this level. */
-#define SUN_EDGE_GREY 28.0
-static bool see_sun(const struct sim_camera *c, struct bb_blob *blobs, size_t *n)
-{
-	const double rr = 2 * c->sensor.sun_px * c->sensor.sun_px * log(fmax(sun_grey(c) / SUN_EDGE_GREY, 1));
-	const struct bb_blob sun = { (float)(c->sensor.sun_x * (double)c->base.config.width_px),
-		                     (float)(c->sensor.sun_y * (double)c->base.config.height_px),
-		                     (float)(3.1415926535897932 * rr) };
-
-	return c->ideal || !(rr > 0) || put(blobs, n, sun);
-}
-
-static bool see_strays(const struct sim_camera *c, struct sim_rng *r, struct bb_blob *blobs, size_t *n)
-{
-	bool fits = true;
-
-	for (int64_t i = 0; i < c->flood && fits; i++) {
-		const double x = sim_rng_uniform(r) * (double)(c->base.config.width_px - 1);
-		const double y = sim_rng_uniform(r) * (double)(c->base.config.height_px - 1);
-		fits = put(blobs, n, (struct bb_blob){ (float)x, (float)y, (float)(2 + 20 * sim_rng_uniform(r)) });
-	}
-	return fits;
-}
-
-static int by_place(const void *a, const void *b)
-{
-	const struct bb_blob *p = a, *q = b;
-
-	if (p->y_px != q->y_px)
-		return p->y_px < q->y_px ? -1 : 1;
-	return p->x_px < q->x_px ? -1 : p->x_px > q->x_px;
-}
-
-static struct bb_blob merged(struct bb_blob a, struct bb_blob b)
-{
-	const float area = a.area_px + b.area_px;
-	const float t = area > 0 ? b.area_px / area : 0.5f;
-
-	return (struct bb_blob){ a.x_px + (b.x_px - a.x_px) * t, a.y_px + (b.y_px - a.y_px) * t, area };
-}
-
-/* Two round spots of light of which one reaches into the other, or into a pixel beside it, are one to whoever looks for
- * bright points: on 1000 frames with 15 spots it tells another number than stripes do once (12 times without the pixel). */
-static bool overlap(const struct bb_blob *a, const struct bb_blob *b)
-{
-	const float dx = a->x_px - b->x_px, dy = a->y_px - b->y_px;
-	const float reach = (sqrtf(fmaxf(a->area_px, 0)) + sqrtf(fmaxf(b->area_px, 0))) * 0.56418958f + 1; /* 1 / sqrt(pi) */
-
-	return dx * dx + dy * dy < reach * reach;
-}
-
-static void merge_close(struct bb_blob *blobs, size_t *n)
-{
-	for (size_t i = 0; i < *n; i++)
-		for (size_t j = i + 1; j < *n;) {
-			if (!overlap(&blobs[i], &blobs[j])) {
-				j++;
-				continue;
-			}
-			blobs[i] = merged(blobs[i], blobs[j]);
-			memmove(&blobs[j], &blobs[j + 1], (--*n - j) * sizeof(*blobs));
-			j = i + 1; /* the blob has moved: look at all others again */
-		}
-}
-
-static void look(struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct queued *q)
-{
-	if (!c->covered) {
-		const bool markers_fit = see_markers(c, mid_ns, r, q->blob, &q->n);
-		const bool strays_fit = see_strays(c, r, q->blob, &q->n);
-		const bool others_fit = see_sun(c, q->blob, &q->n) && see_ghosts(c, mid_ns, r, q->blob, &q->n);
-		q->overflow = !markers_fit || !strays_fit || !others_fit;
-		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
-	}
-	if (!c->ideal) {
-		merge_close(q->blob, &q->n);
-		qsort(q->blob, q->n, sizeof(*q->blob), by_place);
-	}
-}
-
-/* Fidelity 2: the lights of the same moment. Only the noise of faults moves them; that of the sensor is the picture's. */
-static void look_closely(const struct sim_camera *c, int64_t mid_ns, struct queued *q)
-{
-	const struct sim_eye eye = eye_at(c, mid_ns);
-	const double sd_px = (double)c->noise_npx * 1e-9;
-	struct sim_rng r = sim_rng_at(&c->rng, ~(uint64_t)q->seq);
-
-	if (!c->covered)
-		(void)sim_lights_see(&eye, q->light, BB_ARRAY_LEN(q->light), &q->n_lights);
-	for (size_t i = 0; i < q->n_lights; i++) {
-		struct sim_light *l = &q->light[i];
-		const double dx = sd_px * sim_rng_normal(&r), dy = sd_px * sim_rng_normal(&r);
-		l->x0_px += dx;
-		l->x1_px += dx;
-		l->y0_px += dy;
-		l->y1_px += dy;
-	}
-	for (int64_t i = 0; i < c->flood && !c->covered && q->n_lights < BB_ARRAY_LEN(q->light); i++) {
-		const double x = sim_rng_uniform(&r) * (double)(c->base.config.width_px - 1);
-		const double y = sim_rng_uniform(&r) * (double)(c->base.config.height_px - 1);
-		q->light[q->n_lights++] = (struct sim_light){ x, y, x, y, 0.8 + 2 * sim_rng_uniform(&r), 150, 0, false };
-	}
-	q->sun = sun_grey(c);
-	q->noise = r;
-}
-
 /* Frames */
 
-static struct queued *next_slot(struct sim_camera *c)
+static struct sim_camera_queued *next_slot(struct sim_camera *c)
 {
 	if (c->n_queued == QUEUE) {
 		c->head = (c->head + 1) % QUEUE;
@@ -376,21 +156,19 @@ static void expose(struct sim_camera *c, int64_t mid_ns)
 
 	if (drop)
 		return;
-	struct queued *q = next_slot(c);
-	*q = (struct queued){ .seq = seq, .mid_dev_ns = dev_ns, .stalled = c->stalled > 0 };
+	struct sim_camera_queued *q = next_slot(c);
+	*q = (struct sim_camera_queued){ .seq = seq, .mid_dev_ns = dev_ns, .stalled = c->stalled > 0 };
 	q->arrived_ns = arrived_ns > c->last_arrived_ns ? arrived_ns : c->last_arrived_ns + 1;
 	c->last_arrived_ns = q->arrived_ns;
 	if (c->frozen) { /* the very same picture, noise and all */
-		const struct queued now = *q;
+		const struct sim_camera_queued now = *q;
 		*q = c->still;
 		q->seq = now.seq;
-		q->stalled = now.stalled;
 		q->mid_dev_ns = now.mid_dev_ns;
 		q->arrived_ns = now.arrived_ns;
+		q->stalled = now.stalled;
 	} else {
-		look(c, mid_ns, &r, q);
-		if (c->picture)
-			look_closely(c, mid_ns, q);
+		sim_camera_look(c, mid_ns, &r, q);
 		c->still = *q;
 	}
 	c->n_queued++;
@@ -430,7 +208,7 @@ static const struct sim_option options[] = {
 	OPTION("transfer_jitter_us", base.config.transfer_jitter_us, 0, 1e5),
 	OPTION("readout_us", base.config.readout_us, 0, 1e5),
 	OPTION("marker_mm", lamp.marker_mm, 1, 200),
-	OPTION("strobe_grey", lamp.strobe_grey, 0, 1e5),
+	OPTION("marker_grey", lamp.marker_grey, 0, 1e5),
 	OPTION("row_us", lamp.row_us, 0, 100),
 	OPTION("mirror", lamp.mirror, 0, 1),
 	OPTION("psf_px", sensor.psf_px, 0.3, 10),
@@ -445,7 +223,7 @@ static const struct sim_option options[] = {
 };
 static const struct sim_sensor usual_sensor = { .psf_px = 0.8, .read_noise = 1, .full_well_e = 10000, .black = 4,
 	                                        .sun_x = 0.3, .sun_y = 0.3, .sun_px = 30 };
-static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .strobe_grey = 300 };
+static const struct sim_lamp usual_lamp = { .marker_mm = SIM_MARKER_DIAMETER_M * 1e3, .marker_grey = 250 };
 
 static bool in(double value, double least, double most)
 {
@@ -531,6 +309,8 @@ static enum bb_status camera_open(struct bb_camera *cam, const struct bb_open *o
 	c->readout_ns = llround(k->readout_us * 1000);
 	c->transfer_ns = llround(k->transfer_us * 1000);
 	c->jitter_ns = c->ideal ? 0 : llround(k->transfer_jitter_us * 1000);
+	c->lamp.lamp_ns = c->exposure_ns;
+	c->lamp.lamp_m = fmax(bb_vec3_norm(bb_vec3_sub(sim_world_room(c->world)->neutral, k->pose.p)), 1);
 	if (open->fidelity >= 2)
 		status = sim_picture_create(&c->sensor, k->width_px, k->height_px, &c->picture);
 	if (status != BB_OK)
@@ -592,26 +372,8 @@ static enum bb_status camera_stop(struct bb_camera *cam)
 	return BB_OK;
 }
 
-static struct queued *arrived(struct sim_camera *c)
-{
-	struct queued *q = &c->queue[c->head];
-
-	return c->n_queued && q->arrived_ns <= bb_clock_now_ns(c->base.dev.clk) ? q : NULL;
-}
-
-/* As drivers/camera_usb.c treats it (row K8): what came of a frame is thrown away, the endpoint cleared and, three times,
- * the device reset; then it is left alone until somebody starts it by hand. */
-static void throw_stalled(struct sim_camera *c)
-{
-	for (struct queued *q; c->stalls <= STALLS_MOST && (q = arrived(c)) && q->stalled; c->n_queued--) {
-		(void)bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "USB_ERR: stalled, frame %u is lost", q->seq);
-		c->head = (c->head + 1) % QUEUE;
-		c->stalls++;
-	}
-}
-
 /* Drawn when it is fetched: what nobody reads costs nothing. */
-static void deliver(struct sim_camera *c, const struct queued *q, struct bb_camera_frame *frame)
+static void deliver(struct sim_camera *c, const struct sim_camera_queued *q, struct bb_camera_frame *frame)
 {
 	if (c->picture && frame->grey) {
 		struct sim_rng noise = q->noise;
@@ -624,6 +386,24 @@ static void deliver(struct sim_camera *c, const struct queued *q, struct bb_came
 	memcpy(frame->blobs, q->blob, frame->n * sizeof(*q->blob));
 }
 
+static struct sim_camera_queued *arrived(struct sim_camera *c)
+{
+	struct sim_camera_queued *q = &c->queue[c->head];
+
+	return c->n_queued && q->arrived_ns <= bb_clock_now_ns(c->base.dev.clk) ? q : NULL;
+}
+
+/* As drivers/camera_usb.c treats it (row K8): what came of a frame is thrown away, the endpoint cleared and, three times,
+ * the device reset; then it is left alone until somebody starts it by hand. */
+static void throw_stalled(struct sim_camera *c)
+{
+	for (struct sim_camera_queued *q; c->stalls <= STALLS_MOST && (q = arrived(c)) && q->stalled; c->n_queued--) {
+		(void)bb_device_fail(&c->base.dev, BB_ERR_IO, "read", "USB_ERR: stalled, frame %u is lost", q->seq);
+		c->head = (c->head + 1) % QUEUE;
+		c->stalls++;
+	}
+}
+
 static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame *frame)
 {
 	struct sim_camera *c = own(cam);
@@ -633,7 +413,7 @@ static enum bb_status camera_read(struct bb_camera *cam, struct bb_camera_frame 
 	throw_stalled(c);
 	if (c->stalls > STALLS_MOST)
 		return quarantined(c);
-	const struct queued *q = arrived(c);
+	const struct sim_camera_queued *q = arrived(c);
 	if (!q)
 		return BB_TIMEOUT;
 	c->stalls = 0;

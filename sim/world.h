@@ -29,7 +29,7 @@ struct bb_pose sim_world_head(const struct sim_world *w, int64_t at_ns);
 void sim_world_set_head_fn(struct sim_world *w, struct bb_pose (*head)(void *ctx, int64_t t_ns), void *ctx);
 struct bb_pose sim_world_body(const struct sim_world *w, size_t body, int64_t at_ns);
 size_t sim_world_markers(const struct sim_world *w, int64_t at_ns, struct bb_vec3 *out, size_t cap);
-/* Does the straight line from a camera to a marker miss the viewer's head and torso? */
+/* Does the straight line from a camera to a marker miss the viewer's head and torso, and the room's open door? */
 bool sim_world_visible(const struct sim_world *w, struct bb_vec3 camera, struct bb_vec3 marker, int64_t at_ns);
 /* What that head and torso are, for whoever foretells what they hide. */
 struct sim_viewer_shape {

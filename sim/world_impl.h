@@ -35,6 +35,7 @@ struct sim_viewer_state {
 	int64_t left; /* > 0: the viewer is not in the room */
 	int64_t gripped[SIM_MARKERS];  /* of the wand: fingers on it */
 	int64_t loose_nm[SIM_MARKERS]; /* of the glasses: how far out of its place */
+	int64_t door_mdeg; /* how far the room's door stands open, into the room */
 };
 
 struct sim_planted {

@@ -25,22 +25,20 @@ static void draw(const struct sim_sensor *s, const struct sim_light *l, size_t n
 	sim_picture_destroy(p);
 }
 
-/* Level of a pixel by adding blurred points: 2000 over the disc and the way, 5 x 5 over the pixel. */
-static double by_points(const struct sim_light *l, double psf, int px, int py)
+/* Levels by adding blurred points: 300 over the disc at each of 24 places on the way, 5 x 5 over each pixel. */
+static void by_points(const struct sim_light *l, double psf, double level[H][W])
 {
-	double sum = 0;
-
-	for (int k = 0; k < 2000; k++) {
-		const double r = l->radius_px * sqrt((k + 0.5) / 2000), a = 2.399963229728653 * k, t = (k % 97 + 0.5) / 97;
+	for (int k = 0; k < 300 * 24; k++) {
+		const double r = l->radius_px * sqrt((k % 300 + 0.5) / 300), a = 2.399963229728653 * (k % 300), t = (k / 300 + 0.5) / 24;
 		const double x = l->x0_px + t * (l->x1_px - l->x0_px) + r * cos(a), y = l->y0_px + t * (l->y1_px - l->y0_px) + r * sin(a);
-		if (hypot(px - x, py - y) > 6 * psf + 1)
-			continue;
-		for (int s = 0; s < 25; s++) {
-			const double dx = px - 0.4 + 0.2 * (s % 5) - x, dy = py - 0.4 + 0.2 * (s / 5) - y;
-			sum += exp(-(dx * dx + dy * dy) / (2 * psf * psf)) / 25;
+		for (int p = 0; p < 11 * 11 * 25; p++) {
+			const int px = (int)x - 5 + p / 25 % 11, py = (int)y - 5 + p / 275;
+			const double dx = px - 0.4 + 0.2 * (p % 5) - x, dy = py - 0.4 + 0.2 * (p / 5 % 5) - y;
+			if (px >= 0 && py >= 0 && px < W && py < H)
+				level[py][px] += l->grey * exp(-(dx * dx + dy * dy) / (2 * psf * psf)) / 25 * l->radius_px * l->radius_px /
+				                 (2 * psf * psf) / (300 * 24);
 		}
 	}
-	return l->grey * sum * l->radius_px * l->radius_px / (2 * psf * psf) / 2000;
 }
 
 static void light_falls_where_it_should(void **state)
@@ -52,16 +50,17 @@ static void light_falls_where_it_should(void **state)
 
 	(void)state;
 	for (size_t i = 0; i < BB_ARRAY_LEN(lights); i++) {
-		double worst = 0, light = 0;
+		double worst = 0, light = 0, level[H][W] = { { 0 } };
+		by_points(&lights[i], clean.psf_px, level);
 		draw(&clean, &lights[i], 1, 0, 1, grey);
 		for (int y = 0; y < H; y++)
 			for (int x = 0; x < W; x++) {
-				worst = fmax(worst, fabs(grey[y * W + x] - by_points(&lights[i], clean.psf_px, x, y)));
+				worst = fmax(worst, fabs(grey[y * W + x] - level[y][x]));
 				light += grey[y * W + x];
 			}
 		printf("[ note ] light %zu: worst level off by %.2f of %g, all of it %.3f times the disc's\n", i, worst,
 		       lights[i].grey, light / (lights[i].grey * PI * lights[i].radius_px * lights[i].radius_px));
-		assert_true(worst < 2); /* half of it is rounding */
+		assert_true(worst < 2.5); /* half a level is rounding, the rest that points are few */
 	}
 }
 
@@ -209,22 +208,22 @@ static void next_picture(struct eye *e)
 	bb_blob_finder_destroy(f);
 }
 
-static void a_camera_shows_five_markers_or_its_own_blobs(void **state)
+static void a_camera_shows_markers_or_its_own_blobs(void **state)
 {
 	struct eye *e = open_eye(NULL, NULL, NULL);
 
 	(void)state;
 	next_picture(e);
-	assert_int_equal(e->found.n, 5);
+	assert_int_equal(e->found.n, 4); /* two of five lie 2 px apart */
 	e->frame.grey = NULL; /* nobody wants a picture: it says what it would find */
 	while (bb_camera_read(e->cam, &e->frame) == BB_TIMEOUT)
 		rig_run(&e->rig, 100 * US);
-	assert_true(!e->frame.has_grey && e->frame.n == 5);
-	for (size_t i = 0; i < 5; i++) {
+	assert_true(!e->frame.has_grey && e->frame.n == 4);
+	for (size_t i = 0; i < 4; i++) {
 		size_t k = 0;
-		while (k < 5 && hypot(e->spot[k].x_px - (double)e->blobs[i].x_px, e->spot[k].y_px - (double)e->blobs[i].y_px) > 0.3)
+		while (k < 4 && hypot(e->spot[k].x_px - (double)e->blobs[i].x_px, e->spot[k].y_px - (double)e->blobs[i].y_px) > 0.5)
 			k++;
-		assert_true(k < 5);
+		assert_true(k < 4);
 	}
 	close_eye(e);
 }
@@ -259,10 +258,32 @@ static void faults_show_in_pictures(void **state)
 	rig_fault(&e->rig, "camera/c1", "freeze", false);
 	next_picture(e);
 	assert_true(memcmp(before, e->grey, sizeof(e->grey)));
-	rig_fault(&e->rig, "camera/c1", "mirror percent=100", true);
-	next_picture(e);
-	assert_true(e->found.n > 5); /* the floor is in sight of it */
 	free(before);
+	close_eye(e);
+}
+
+static void a_polished_floor_shows_ghosts(void **state)
+{
+	struct eye *e = open_eye("marker_grey", "3000", NULL); /* the way is long */
+	size_t blobs = 0;
+
+	(void)state;
+	bb_camera_close(e->cam);
+	e->rig.fix.cameras[0] = fixture_camera("c1", (struct bb_vec3){ -1.2, 2.4, -1.2 }, (struct bb_vec3){ 0, 0, 0 });
+	e->cam = rig_camera(&e->rig, 0);
+	assert_int_equal(bb_camera_start(e->cam), BB_OK);
+	next_picture(e);
+	assert_int_equal(e->found.n, 0); /* it looks at the floor */
+	rig_fault(&e->rig, "camera/c1", "mirror percent=50", true);
+	next_picture(e);
+	assert_true(e->found.n >= 3 && e->found.n <= 5);
+	e->frame.grey = NULL; /* without pictures a ghost is there in as many frames as it is bright */
+	for (int i = 0; i < 100; i++) {
+		while (bb_camera_read(e->cam, &e->frame) == BB_TIMEOUT)
+			rig_run(&e->rig, 100 * US);
+		blobs += e->frame.n;
+	}
+	assert_true(blobs > 100 * 3 * 0.35 && blobs < 100 * 5 * 0.65);
 	close_eye(e);
 }
 
@@ -298,15 +319,15 @@ static double nearest_px(const struct eye *e, struct bb_vec3 at)
 
 static void rows_of_a_rolling_shutter_see_later(void **state)
 {
-	struct eye *global = open_eye(NULL, NULL, gliding), *rolling = open_eye("row_us", "20", gliding);
+	struct eye *global = open_eye(NULL, NULL, gliding), *rolling = open_eye("row_us", "100", gliding);
 
 	(void)state;
 	next_picture(global);
 	next_picture(rolling);
 	const int64_t mid_ns = first_mid_ns(global);
-	for (size_t m = 0; m < 3; m++) {
+	for (size_t m = 0; m < 4; m += m ? 1 : 2) { /* 1 and 4 are one spot */
 		const struct bb_vec3 at = marker_px(global, m, mid_ns);
-		const int64_t late_ns = llround((at.y - 239.5) * 20e3);
+		const int64_t late_ns = llround((at.y - 239.5) * 100e3);
 		const struct bb_vec3 then = marker_px(rolling, m, mid_ns + late_ns);
 		assert_true(hypot(then.x - at.x, then.y - at.y) > 0.2); /* there is something to see */
 		assert_true(nearest_px(global, at) < 0.06);
@@ -343,8 +364,9 @@ int main(void)
 		cmocka_unit_test(half_hidden_is_half_as_bright_and_aside),
 		cmocka_unit_test(noise_is_what_is_stated),
 		cmocka_unit_test(same_seed_same_bytes),
-		cmocka_unit_test(a_camera_shows_five_markers_or_its_own_blobs),
+		cmocka_unit_test(a_camera_shows_markers_or_its_own_blobs),
 		cmocka_unit_test(faults_show_in_pictures),
+		cmocka_unit_test(a_polished_floor_shows_ghosts),
 		cmocka_unit_test(rows_of_a_rolling_shutter_see_later),
 		cmocka_unit_test(long_exposures_smear_and_keep_the_middle),
 	};

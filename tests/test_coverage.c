@@ -16,6 +16,7 @@
 #include "bench/track/cover.h"
 #include "hal/clock.h"
 #include "sim/world.h"
+#include "sync/coverage/coverage_private.h"
 #include "sync/coverage/place.h"
 #include "tests/track_scene.h"
 
@@ -240,6 +241,80 @@ static void body_shadow_is_the_simulations(void **state)
 	bb_room_free(room);
 }
 
+/* Distance of a point from the body: 0 at its skin. */
+static double from_skin(const struct bb_viewer_shape *v, struct bb_vec3 head, struct bb_vec3 p)
+{
+	const double low = head.y - v->torso_bottom_m, high = head.y - v->torso_top_m;
+	const struct bb_vec3 axis = v3(head.x, fmin(fmax(p.y, low), high), head.z);
+
+	return fmin(bb_vec3_norm(bb_vec3_sub(p, head)) - v->head_radius_m,
+		    bb_vec3_norm(bb_vec3_sub(p, axis)) - v->torso_radius_m);
+}
+
+/* Any body, any sight: the closed form against a walk along the sight in steps of a millimetre. */
+static void body_shadow_is_where_the_body_is(void **state)
+{
+	struct scene_rng rng = { .s = 5 };
+	size_t hidden = 0, seen = 0;
+
+	(void)state;
+	for (int k = 0; k < 4000; k++) {
+		const struct bb_viewer_shape v = { .head_radius_m = 0.1,
+						   .torso_top_m = scene_uniform(&rng, 0.2, 0.5),
+						   .torso_bottom_m = scene_uniform(&rng, 0.6, 0.9),
+						   .torso_radius_m = scene_uniform(&rng, 0.05, 0.3) };
+		const struct bb_vec3 head = v3(scene_uniform(&rng, -0.6, 0.6), scene_uniform(&rng, -0.3, 1.2), scene_uniform(&rng, -0.6, 0.6));
+		const struct bb_coverage_sight s = {
+			.to = bb_vec3_unit(v3(scene_normal(&rng), scene_normal(&rng), scene_normal(&rng)), v3(1, 0, 0)),
+			.distance_m = scene_uniform(&rng, 0.3, 1.5)
+		};
+		double least = HUGE_VAL;
+		for (int i = 0; i <= 1000; i++)
+			least = fmin(least, from_skin(&v, head, bb_vec3_scale(s.to, s.distance_m * i / 1000)));
+		if (fabs(least) < 2e-3)
+			continue;
+		assert_int_equal(bb_viewer_hides(&v, head, &s), least < 0);
+		hidden += least < 0;
+		seen += least > 0;
+	}
+	assert_true(hidden > 400 && seen > 400);
+}
+
+/* What a voxel says of all headings is what they say one by one. */
+static void voxels_sum_up_their_headings(void **state)
+{
+	struct bb_room *room = load("rooms/cabin.yaml");
+	const struct bb_cover_wishes w = { .voxel_m = 0.5, .marker_m = 0.012, .headings = 16, .threads = 1 };
+	const struct bb_coverage_config config = bb_cover_config(room, &w);
+	struct bb_coverage *c = make(&config);
+	struct scene_rng rng = { .s = 3 };
+
+	(void)state;
+	for (int k = 0; k < 300; k++) {
+		const struct bb_vec3 p = v3(scene_uniform(&rng, -1.5, 1.5), scene_uniform(&rng, 0.3, 2.2), scene_uniform(&rng, -1.5, 1.5));
+		double n = 0, least = 99, sum2 = 0, most = 0;
+		struct bb_coverage_look look;
+		struct bb_coverage_voxel v;
+		int placed = 0;
+		for (int h = 0; h < 16; h++) {
+			bb_coverage_look(c, p, h, &look);
+			n += (double)look.n / 16;
+			least = fmin(least, (double)look.n);
+			placed += look.placed;
+			sum2 += look.placed ? look.error_m * look.error_m : 0;
+			most = fmax(most, look.placed ? look.error_m : HUGE_VAL);
+		}
+		bb_coverage_at(c, p, &v);
+		assert_true(fabs((double)v.n[BB_COVERAGE_MEAN] - n) < 1e-5);
+		assert_true(fabs((double)v.n[BB_COVERAGE_WORST] - least) < 1e-5);
+		assert_true(fabs((double)v.lost - (16 - placed) / 16.0) < 1e-6);
+		assert_true(!placed || fabs((double)v.error_m[BB_COVERAGE_MEAN] / sqrt(sum2 / placed) - 1) < 1e-6);
+		assert_true(placed < 16 || fabs((double)v.error_m[BB_COVERAGE_WORST] / most - 1) < 1e-6);
+	}
+	bb_coverage_destroy(c);
+	bb_room_free(room);
+}
+
 static void worst_is_never_better_than_mean(void **state)
 {
 	struct bb_room *room = load("rooms/cabin.yaml");
@@ -364,6 +439,41 @@ static void threads_change_nothing(void **state)
 	bb_room_free(room);
 }
 
+/* A full box is drawn where its corners are projected to, and nowhere else. */
+static void clouds_stand_where_they_are(void **state)
+{
+	const struct bb_vec3 low = { -1, 0, -2 }, high = { 1, 1.5, 2 }, middle = { 0, 0.75, 0 };
+	const struct bb_eyepoint e = bb_eyepoint_of_box(v3(-2, -1, -3), v3(2, 2.5, 3), 33, 24, 200, 150, 5);
+	struct bb_coverage_grid g;
+	struct bb_cloud cloud;
+
+	(void)state;
+	assert_true(bb_coverage_grid_over(low, high, 0.05, &g));
+	const size_t n = bb_coverage_rows(&g) * g.n[0];
+	float *value = calloc(n, sizeof(*value));
+	for (size_t i = 0; i < n; i++)
+		value[i] = 1;
+	assert_int_equal(bb_cloud_init(&cloud, &g, value), BB_OK);
+	cairo_surface_t *s = bb_cloud_picture(&cloud, &e, 200, 150, 1, 1);
+	const uint32_t *px = (const uint32_t *)(void *)cairo_image_surface_get_data(s);
+	for (int i = 0; i < 8; i++) {
+		const struct bb_vec3 corner = v3(i & 1 ? high.x : low.x, i & 2 ? high.y : low.y, i & 4 ? high.z : low.z);
+		double x, y;
+		bb_eyepoint_project(&e, bb_vec3_lerp(middle, corner, 0.8), &x, &y);
+		assert_true(px[(int)y * 200 + (int)x] >> 24 > 200);
+	}
+	const struct bb_vec3 outline[] = { v3(high.x, low.y, low.z), v3(low.x, low.y, high.z), v3(high.x, low.y, high.z),
+					   v3(low.x, high.y, low.z) };
+	for (size_t i = 0; i < BB_ARRAY_LEN(outline); i++) {
+		double x, y;
+		bb_eyepoint_project(&e, bb_vec3_lerp(middle, outline[i], 1.1), &x, &y);
+		assert_int_equal(px[(int)y * 200 + (int)x], 0);
+	}
+	cairo_surface_destroy(s);
+	bb_cloud_fini(&cloud);
+	free(value);
+}
+
 /* ---- placement ---- */
 
 static double worth_of(const struct bb_coverage_config *config, struct bb_camera_config *cams, const double *x, struct bb_vec3 p)
@@ -371,7 +481,7 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 	struct bb_coverage_look look;
 
 	for (int i = 0; i < 2; i++)
-		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 10, 0, 0).pose;
+		cams[i].pose = scene_camera(v3(x[i], 2, -2), p, 640, 480, 30, 0, 0).pose;
 	struct bb_coverage *c = make(config);
 	bb_coverage_look(c, p, -1, &look);
 	bb_coverage_destroy(c);
@@ -379,11 +489,11 @@ static double worth_of(const struct bb_coverage_config *config, struct bb_camera
 }
 
 /* Two cameras on one rail and one place to see: all pairs of positions are tried by hand, aimed at it. (Through a wide
- * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrow.) */
+ * lens aiming past it pays: a pinhole has more pixels a degree at the edge of its picture. This one is narrower: at most a tenth.) */
 static void placement_finds_what_trying_all_finds(void **state)
 {
-	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0),
-					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 10, 0, 0) };
+	struct bb_camera_config cams[2] = { scene_camera(v3(0, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0),
+					    scene_camera(v3(0.3, 2, -2), v3(0, 1, 0), 640, 480, 30, 0, 0) };
 	const struct bb_rail rail = { v3(-3, 2, -2), v3(3, 2, -2) };
 	const struct bb_vec3 p = { 0, 1, 0 };
 	struct bb_place_config config = { .cover = config_of(&empty_room, cams, 2),
@@ -402,8 +512,9 @@ static void placement_finds_what_trying_all_finds(void **state)
 	(void)state;
 	assert_int_equal(bb_place_try(&config, 0, placed), BB_OK);
 	const struct bb_pose found[2] = { placed->pose[0], placed->pose[1] };
-	for (double a = -3; a <= 3; a += 0.1)
-		for (double b = a + 0.2; b <= 3; b += 0.1) {
+	for (int i = 0; i <= 60; i++)
+		for (int k = i + 2; k <= 60; k++) {
+			const double a = 0.1 * (i - 30), b = 0.1 * (k - 30);
 			const double w = worth_of(&config.cover, cams, (const double[2]){ a, b }, p);
 			if (w > best) {
 				best = w;
@@ -414,7 +525,7 @@ static void placement_finds_what_trying_all_finds(void **state)
 	const double reached = placed->reached / (1 + 0.01 + 0.001); /* one place is its own weaker half and the whole */
 	printf("[ note ] placed at %.2f and %.2f, worth %.0f of %.0f at %.2f and %.2f\n", found[0].p.x, found[1].p.x, reached,
 	       best, at[0], at[1]);
-	assert_true(reached > 0.995 * best && reached < 1.03 * best && reached > 1.3 * placed->begun / 1.011);
+	assert_true(reached > 0.995 * best && reached < 1.15 * best && reached > 1.3 * placed->begun / 1.011);
 	free(placed);
 }
 
@@ -447,11 +558,61 @@ static void placement_keeps_its_rules(void **state)
 			assert_true(fabs(p.y - 2.251) < 1e-9);
 			assert_true(fabs(fmax(fabs(p.x), fabs(p.z)) - 1.499) < 1e-9);
 			for (size_t k = 0; k < i; k++)
-				assert_true(t > 0 || bb_vec3_norm(bb_vec3_sub(p, a->pose[k].p)) >= 0.4 - 1e-9);
+				assert_true(bb_vec3_norm(bb_vec3_sub(p, a->pose[k].p)) >= 0.4 - 1e-9);
 		}
 	}
 	free(a);
 	free(b);
+	bb_room_free(room);
+}
+
+static int ascending(const void *a, const void *b)
+{
+	const double x = *(const double *)a, y = *(const double *)b;
+
+	return (x > y) - (x < y);
+}
+
+/* What a search says it reached is what its poses are worth: the weakest tenth, a hundredth of the weaker half, a
+ * thousandth of all. */
+static void placement_seeks_the_weakest_decile(void **state)
+{
+	struct bb_room *room = load("rooms/cabin.yaml");
+	const struct bb_cover_wishes w = { .voxel_m = 0.2, .marker_m = 0.012, .headings = 4, .threads = 1 };
+	struct bb_rail rails[8];
+	struct bb_camera_config cams[8];
+	struct bb_place_config config = { .cover = bb_cover_config(room, &w), .rails = rails,
+					  .n_rails = bb_rails_of_room(room, 0.025, 0.035, rails, 8),
+					  .min = v3(-1.5, 0.6, -1.5), .max = v3(1.5, 2, 1.5), .step_m = 0.4,
+					  .body = BB_COVERAGE_NONE, .apart_m = 0.3, .sweeps = 5, .seed = 3 };
+	struct bb_placed *placed = calloc(1, sizeof(*placed));
+	struct bb_coverage_grid g;
+	double worth[1000], sum = 0;
+	size_t n = 0;
+
+	(void)state;
+	assert_int_equal(bb_place_try(&config, 1, placed), BB_OK);
+	memcpy(cams, room->cameras, sizeof(cams));
+	for (size_t i = 0; i < 8; i++)
+		cams[i].pose = placed->pose[i];
+	config.cover.cameras = cams;
+	struct bb_coverage *c = make(&config.cover);
+	assert_true(bb_coverage_grid_over(config.min, config.max, config.step_m, &g));
+	for (size_t i = 0; i < g.n[0] * g.n[1] * g.n[2]; i++) {
+		const struct bb_vec3 p = bb_coverage_centre(&g, i % g.n[0], i / g.n[0] / g.n[2], i / g.n[0] % g.n[2]);
+		struct bb_coverage_look look;
+		if (!bb_room_contains(room, p, 0))
+			continue;
+		bb_coverage_look(c, p, -1, &look);
+		worth[n++] = look.placed ? 1 / look.error_m : 0;
+	}
+	qsort(worth, n, sizeof(*worth), ascending);
+	const size_t tenth = (n + 9) / 10, half = (n + 1) / 2;
+	for (size_t i = 0; i < n; i++)
+		sum += worth[i] * ((i < tenth) / (double)tenth + 0.01 * (i < half) / (double)half + 0.001 / (double)n);
+	assert_true(n > 100 && fabs(placed->reached / sum - 1) < 1e-4); /* sums of the search are of 32 bits */
+	bb_coverage_destroy(c);
+	free(placed);
 	bb_room_free(room);
 }
 
@@ -503,12 +664,16 @@ int main(void)
 		cmocka_unit_test(two_cameras_err_as_the_formula_says),
 		cmocka_unit_test(parallel_rays_place_nothing),
 		cmocka_unit_test(body_shadow_is_the_simulations),
+		cmocka_unit_test(body_shadow_is_where_the_body_is),
+		cmocka_unit_test(voxels_sum_up_their_headings),
 		cmocka_unit_test(worst_is_never_better_than_mean),
 		cmocka_unit_test(walls_hide_what_is_behind_them),
 		cmocka_unit_test(expected_error_is_what_comes),
 		cmocka_unit_test(threads_change_nothing),
+		cmocka_unit_test(clouds_stand_where_they_are),
 		cmocka_unit_test(placement_finds_what_trying_all_finds),
 		cmocka_unit_test(placement_keeps_its_rules),
+		cmocka_unit_test(placement_seeks_the_weakest_decile),
 		cmocka_unit_test(nonsense_is_refused),
 	};
 	return cmocka_run_group_tests(tests, NULL, NULL);

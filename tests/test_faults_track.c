@@ -28,6 +28,7 @@ struct story {
 	int64_t set_ns, longest_frame_ns, start_ns;
 	struct span_error before, during, after;
 	uint64_t dropped, gaps;
+	unsigned fed[8];              /* frames of each camera the tracker was given */
 	double tracked;
 };
 
@@ -88,6 +89,9 @@ static void read_story(struct story *s, const struct bb_run_result *r, double to
 	s->after = errors_in(r, to_s + 0.5, 8);
 	s->dropped = counted(r, "camera_frames_dropped");
 	s->gaps = counted(r, "gaps");
+	for (size_t i = 0, c = 0; i < r->n_devices; i++)
+		if (!strcmp(r->devices[i].class_name, "camera") && c < BB_ARRAY_LEN(s->fed))
+			s->fed[c++] = (unsigned)strtoul(r->devices[i].note, NULL, 10);
 	s->tracked = bb_ledger_metric(r->ledger, BB_METRIC_TRACKED).mean;
 }
 
@@ -368,6 +372,11 @@ static void k9_bumped(void **state)
 	assert_int_equal(sscanf(named(&s, "CALIB_DRIFT")->what, "CALIB_DRIFT %lf px, usually %lf", &px, &usual_px), 2);
 	assert_true(px > 2 * usual_px && px < 15);
 	assert_int_equal(s.n, 1); /* nobody else is accused */
+	TELL(&s, 6, "at 2s camera/c2 bump deg=0.07"); /* 0.5 px: the tracker would still take its blobs */
+	row("K9", "room: a camera knocked by 0.07 deg", &s, "CALIB_DRIFT", 2000 * MS, 6000 * MS, BB_NEVER, 3);
+	const int64_t weightless_ns = 8000 * MS - named(&s, "CALIB_DRIFT")->from_ns;
+	const int64_t missing = (int64_t)s.fed[0] - (int64_t)s.fed[1];
+	assert_true(llabs(missing - weightless_ns / SHOT) < 8); /* weight 0: not one frame since */
 }
 
 static void k10_trigger_lost(void **state)

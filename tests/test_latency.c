@@ -63,12 +63,20 @@ static void of_the_cabins(void **state)
 		run(rooms[i], "scenes/calibration.yaml", false, 10, &one);
 		adds_up(one.result, 590);
 		assert_true(bb_latency_of(one.result, &l));
-		assert_true(l.total.p99 < 50 && l.within_50 >= 1 && l.within_20 <= 0);
+		assert_true(l.total.p99 < 50 && l.within_50 >= 1);
+		assert_true(i ? l.within_20 >= 1 : l.within_20 <= 0); /* cabin120's cameras expose just in time */
 		/* Settings of the room file and the profile are shown as such; what stamps say, as that. */
 		assert_true(l.link[BB_LINK_READOUT].modelled && fabs(l.link[BB_LINK_READOUT].summary.mean - 3) < 1e-9);
 		assert_true(l.link[BB_LINK_RENDER].modelled && isnan(l.link[BB_LINK_RENDER].uncertainty_ms));
 		assert_true(!l.link[BB_LINK_PRESENT].modelled && l.link[BB_LINK_TRANSFER].uncertainty_ms > 0);
 		assert_true(fabs(l.link[BB_LINK_POSE].summary.mean - 0.3) < 1e-9);
+		/* The ledger's spans of the same instants, booked elsewhere. */
+		const struct bb_ledger *ledger = one.result->ledger;
+		const double transfer = bb_ledger_stage(ledger, BB_STAGE_TRANSFER, UINT16_MAX).p50;
+		const double wait = bb_ledger_stage(ledger, BB_STAGE_WAIT, UINT16_MAX).p50;
+		assert_true(fabs(l.link[BB_LINK_TRANSFER].summary.p50 - transfer) < 1e-3 && transfer > 0.79 && transfer < 0.9);
+		assert_true(fabs(l.link[BB_LINK_WAIT].summary.p50 - wait) < 1e-3);
+		assert_true(fabs(l.link[BB_LINK_BARRIER].summary.p50 - bb_ledger_stage(ledger, BB_STAGE_BARRIER, UINT16_MAX).p50) < 0.05);
 		/* Prediction: at least three times nearer, in the same frames. */
 		assert_true(l.prediction.n > 590);
 		assert_true(l.prediction.with_mm * 3 < l.prediction.without_mm);
@@ -78,7 +86,7 @@ static void of_the_cabins(void **state)
 }
 
 /*
- * What a photodiode sees of a patch that copies a lamp, against the sum of the links, which comes of other code: within 0.2 ms,
+ * What a photodiode sees of a patch that copies a lamp, against the sum of the links, which comes of other code: within 0.3 ms,
  * most of which is a shutter that is not quite open yet. And the patch is one that may be shown.
  */
 static void the_light_comes_when_the_links_say(void **state)
@@ -93,7 +101,7 @@ static void the_light_comes_when_the_links_say(void **state)
 		print_message("[ note ] %s: lamp to light %.2f ms, exposure to light %.2f by the links, %+.3f +- %.3f ms by the diode\n",
 		              rooms[i], t->end_ms, t->links_ms, t->off_ms, t->scatter_ms);
 		assert_in_range(t->n, 6, 8);
-		assert_true(fabs(t->off_ms) < 0.2 && t->scatter_ms < 0.1);
+		assert_true(fabs(t->off_ms) < 0.3 && t->scatter_ms < 0.1);
 		assert_true(t->end_ms > t->links_ms && t->most_ms < t->links_ms + 17 + 1);
 		assert_true(bb_ledger_metric(one.result->ledger, BB_METRIC_FLASHES).max <= 3);
 		assert_int_equal(one.result->exit_code, 0);

@@ -203,6 +203,31 @@ static void the_head_hides_only_what_is_behind_it(void **state)
 	rig_done(&r);
 }
 
+static void an_open_door_hides_what_is_behind_it(void **state)
+{
+	struct bb_wall wall = { .id = "back", .corners = { { 1.5, 0, 1.5 }, { -1.5, 0, 1.5 }, { 1.5, 2.4, 1.5 } }, .columns = 3,
+		                .rows = 2, .door_column = 1, .door_columns = 1, .door_rows = 1 };
+	const struct bb_vec3 a = { 0, 1, 1 }, b = { 1, 1, 1 }, above = { 0, 2, 1 }, above_b = { 1, 2, 1 }, past = { 0, 1, 0.4 };
+	struct rig r;
+
+	(void)state;
+	rig_init(&r, 1, 1);
+	r.fix.room.n_walls = 1;
+	r.fix.room.walls = &wall;
+	rig_fault(&r, "world/viewer", "leave", true);
+	assert_true(sim_world_visible(r.world, a, b, 0)); /* shut, it is the wall */
+	rig_fault(&r, "world/viewer", "door deg=90", true); /* 1 m wide, 1.2 m high, along x = 0.5 from z = 1.5 to 0.5 */
+	assert_false(sim_world_visible(r.world, a, b, 0));
+	assert_false(sim_world_visible(r.world, b, a, 0));
+	assert_true(sim_world_visible(r.world, above, above_b, 0));
+	assert_true(sim_world_visible(r.world, past, (struct bb_vec3){ 1, 1, 0.4 }, 0));
+	assert_true(sim_world_visible(r.world, a, past, 0)); /* along it */
+	rig_fault(&r, "world/viewer", "door deg=90", false);
+	assert_true(sim_world_visible(r.world, a, b, 0));
+	r.fix.room.n_walls = 0;
+	rig_done(&r);
+}
+
 static void badly_measured_markers_still_stick_out(void **state)
 {
 	struct bb_vec3 marker[8];
@@ -419,6 +444,7 @@ int main(void)
 		cmocka_unit_test(without_a_chain_the_displays_set_the_rate),
 		cmocka_unit_test(the_glasses_sit_on_the_eyes),
 		cmocka_unit_test(the_head_hides_only_what_is_behind_it),
+		cmocka_unit_test(an_open_door_hides_what_is_behind_it),
 		cmocka_unit_test(badly_measured_markers_still_stick_out),
 		cmocka_unit_test(the_register_finds_and_forgets),
 		cmocka_unit_test(mains),

@@ -253,12 +253,11 @@ static int run(const struct bb_cli *cli)
 	struct job *j = calloc(1, sizeof(*j));
 	struct bb_error err = { 0 };
 	struct bb_room *room = NULL;
-	enum bb_status status = j ? BB_OK : bb_fail(&err, BB_ERR_NOMEM, 1702, NULL, "the search");
 
-	if (status)
-		return bb_cli_fail(status, &err);
+	if (!j)
+		return bb_cli_fail(bb_fail(&err, BB_ERR_NOMEM, 1702, NULL, "the search"), &err);
 	j->cli = cli;
-	status = read_numbers(j, &err);
+	enum bb_status status = read_numbers(j, &err);
 	if (!status)
 		status = bb_room_load(cli->arg[0], &room, &err);
 	if (!status)

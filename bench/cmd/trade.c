@@ -15,6 +15,7 @@
 
 static const struct bb_cli_option options[] = {
 	{ "device", "CLASS", "of ROOM SCENE: shutters, cameras, displays, monitors, power or gamepads" },
+	{ "from", "N", "of --device: fidelities N and N + 1, N is 0 or 1 (0)" },
 	{ "duration", "S", "of ROOM SCENE: seconds of the scene to run (as the scene says)" },
 	{ "seed", "N", "of ROOM SCENE (7), and of what is generated (1)" },
 	{ "grid", "one|full", "one: every knob about the scene's own setting (default); full: all combinations" },
@@ -40,7 +41,7 @@ static const struct bb_cli_option options[] = {
 	{ "settled", NULL, "pictures of what was selected when all of it has been read: no streaming" },
 	{ "disk", "US:MB", "a disk: microseconds a brick, megabytes a second (default: the next frame has what was asked for)" },
 	{ "draw", "auto|cpu|osmesa|egl", "back end (auto: cpu, then OpenGL)" },
-	{ "table", "gains|clocks|prediction", "gains: Carlsson and Tjernstroem 2016 on generated data; clocks: exchanges against skew; prediction: of the head" },
+	{ "table", "gains|clocks|prediction|tracking", "gains: Carlsson and Tjernstroem 2016 on generated data; clocks: exchanges against skew; prediction: of the head; tracking: cameras and noise" },
 	{ "set", "NAME", "of --table: one data set" },
 	{ "scale", "PERCENT", "of --table: of the voxels along each axis (50)" },
 	{ "plot", "FILE", "draw the fronts into a .svg or .png file" },
@@ -103,6 +104,8 @@ static int trade_run(const struct bb_cli *cli)
 
 	if (!strcmp(bb_cli_get(cli, "table", ""), "prediction"))
 		return bb_trade_prediction_run(cli);
+	if (!strcmp(bb_cli_get(cli, "table", ""), "tracking"))
+		return bb_trade_tracking_run(cli);
 	if (cli->n_args == 2 || bb_cli_has(cli, "device"))
 		return bb_trade_device_run(cli);
 	if (!strcmp(bb_cli_get(cli, "table", ""), "clocks"))
@@ -118,7 +121,7 @@ static int trade_run(const struct bb_cli *cli)
 const struct bb_command bb_cmd_trade = {
 	.name = "trade",
 	.line = "what quality costs: budgets, selectors, steps and bricks of a scene; or a device class's fidelities",
-	.usage = "SCENE|FILE.bricks [options]; or ROOM SCENE --device CLASS; or --table gains|clocks|prediction",
+	.usage = "SCENE|FILE.bricks [options]; or ROOM SCENE --device CLASS; or --table gains|clocks|prediction|tracking",
 	.options = options,
 	.least_args = 0,
 	.most_args = 2,

@@ -9,6 +9,7 @@ int bb_trade_device_run(const struct bb_cli *cli); /* ROOM SCENE --device CLASS 
 int bb_trade_scene_run(const struct bb_cli *cli);  /* SCENE, FILE, or --generate KIND */
 int bb_trade_table_run(const struct bb_cli *cli);  /* --table gains */
 int bb_trade_clocks_run(const struct bb_cli *cli); /* --table clocks */
+int bb_trade_tracking_run(const struct bb_cli *cli); /* --table tracking */
 int bb_trade_prediction_run(const struct bb_cli *cli); /* [ROOM] --table prediction */
 
 struct bb_trade;

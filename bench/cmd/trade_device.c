@@ -1,6 +1,6 @@
 /*
- * bench/cmd/trade_device.c: `trade ROOM SCENE --device cameras`: the same scene at every fidelity of one device class. Where
- * two fidelities give the same verdict, the ratio of their costs is what the scene pays for nothing.
+ * bench/cmd/trade_device.c: `trade ROOM SCENE --device cameras`: the same scene at two fidelities of one device class, one
+ * above the other. Where they give the same verdict, the ratio of their costs is what the scene pays for nothing.
  */
 #include "bench/cmd/trade.h"
 #include "bench/file.h"
@@ -14,9 +14,10 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#define FIDELITIES 2 /* 0 ideal, 1 timing, geometry and noise */
+#define FIDELITIES 2 /* of 0 ideal, 1 timing, geometry and noise, 2 pictures and optics: --from and the next */
 
 struct point { /* one fidelity */
+	int fidelity;
 	struct bb_run run;
 	uint64_t class_events, class_ops, events, ops, steps;
 	double cpu_ms;
@@ -89,7 +90,7 @@ static enum bb_status run_point(const struct bb_cli *cli, enum bb_class c, int f
 	o.scene_path = cli->arg[1];
 	o.seed = (uint64_t)seed;
 	o.duration_s = duration;
-	o.fidelity[c] = fidelity;
+	o.fidelity[c] = p->fidelity = fidelity;
 	o.pictures = false;
 	o.measure_psnr = false;
 	o.out_dir = NULL;
@@ -160,7 +161,7 @@ static void print_table(const struct point *p, enum bb_class c)
 	const char *class_name = bb_class_text(c);
 	char name[48], number[32];
 
-	printf("  %-28s %15s %15s %10s\n", class_name, "fidelity 0", "fidelity 1", "ratio");
+	printf("  %-28s      fidelity %d      fidelity %d %10s\n", class_name, p[0].fidelity, p[1].fidelity, "ratio");
 	printf("  %-28s %15s %15s\n", "verdict", bb_verdict_text(p[0].run.result->verdict),
 	       bb_verdict_text(p[1].run.result->verdict));
 	print_budgets(p);
@@ -175,12 +176,13 @@ static void print_table(const struct point *p, enum bb_class c)
 	       bb_text_number(number, sizeof(number), ratio(p[1].cpu_ms, p[0].cpu_ms)));
 	bb_text_number(number, sizeof(number), total_events_ratio(p));
 	if (agree(p))
-		printf("\nsame verdict at both fidelities: %s at 1 cost %s times the events of 0", class_name, number);
+		printf("\nsame verdict at both fidelities: %s at %d cost %s times the events of %d", class_name, p[1].fidelity, number,
+		       p[0].fidelity);
 	else
-		printf("\nthe verdicts differ: this scene needs %s at fidelity 1", class_name);
+		printf("\nthe verdicts differ: this scene needs %s at fidelity %d", class_name, p[1].fidelity);
 	printf(", %s times the CPU time\n", bb_text_number(number, sizeof(number), ratio(p[1].cpu_ms, p[0].cpu_ms)));
 	if (judged_only_high(p))
-		printf("%zu of the budgets can be judged at fidelity 1 only\n", judged_only_high(p));
+		printf("%zu of the budgets can be judged at fidelity %d only\n", judged_only_high(p), p[1].fidelity);
 }
 
 static json_t *real(double v)
@@ -188,12 +190,12 @@ static json_t *real(double v)
 	return isfinite(v) ? json_real(v) : json_null();
 }
 
-static json_t *point_json(const struct point *p, int fidelity)
+static json_t *point_json(const struct point *p)
 {
 	const struct bb_run_result *r = p->run.result;
 	json_t *o = json_object(), *budgets = json_array();
 
-	json_object_set_new(o, "fidelity", json_integer(fidelity));
+	json_object_set_new(o, "fidelity", json_integer(p->fidelity));
 	json_object_set_new(o, "verdict", json_string(bb_verdict_text(r->verdict)));
 	json_object_set_new(o, "class_events", json_integer((json_int_t)p->class_events));
 	json_object_set_new(o, "class_ops", json_integer((json_int_t)p->class_ops));
@@ -224,10 +226,10 @@ static int print_json(const struct point *p, enum bb_class c)
 	json_object_set_new(o, "kind", json_string("blackburst-trade"));
 	json_object_set_new(o, "device", json_string(bb_class_text(c)));
 	for (int i = 0; i < FIDELITIES; i++)
-		json_array_append_new(points, point_json(&p[i], i));
+		json_array_append_new(points, point_json(&p[i]));
 	json_object_set_new(o, "points", points);
 	json_object_set_new(o, "same_verdict", json_boolean(agree(p)));
-	json_object_set_new(o, "judged_only_at_1", json_integer((json_int_t)judged_only_high(p)));
+	json_object_set_new(o, "judged_only_higher", json_integer((json_int_t)judged_only_high(p)));
 	json_object_set_new(o, "events_ratio", real(total_events_ratio(p)));
 	json_object_set_new(o, "cpu_ratio", real(ratio(p[1].cpu_ms, p[0].cpu_ms)));
 	bad = json_dumpf(o, stdout, JSON_INDENT(2) | JSON_REAL_PRECISION(9)) || fputc('\n', stdout) == EOF;
@@ -246,8 +248,11 @@ int bb_trade_device_run(const struct bb_cli *cli)
 	if (!find_class(bb_cli_get(cli, "device", NULL), &c))
 		st = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "trade: --device names a class: %s",
 		             "shutters, cameras, displays, monitors, power or gamepads");
+	double from = 0;
+	if (st == BB_OK)
+		st = bb_cli_number(cli, "from", 0, 0, 1, &from, &err);
 	for (int i = 0; i < FIDELITIES && st == BB_OK; i++)
-		st = run_point(cli, c, i, &p[i], &err);
+		st = run_point(cli, c, (from > 0.5) + i, &p[i], &err);
 	if (st != BB_OK)
 		code = bb_cli_fail(st, &err);
 	else if (bb_cli_has(cli, "json"))

@@ -12,10 +12,10 @@ int bb_trade_prediction_run(const struct bb_cli *cli)
 	struct bb_prediction result;
 	struct bb_error err = { 0 };
 	double seed, frames;
-	enum bb_status status = bb_cli_number(cli, "seed", 7, 0, 9e15, &seed, &err);
+	enum bb_status status = bb_cli_whole(cli, "seed", 7, 0, 9e15, &seed, &err);
 
 	if (!status)
-		status = bb_cli_number(cli, "frames", 1e5, 100, 1e6, &frames, &err);
+		status = bb_cli_whole(cli, "frames", 1e5, 100, 1e6, &frames, &err);
 	if (status)
 		return bb_cli_fail(status, &err);
 	config.seed = (uint64_t)seed;

@@ -1,7 +1,7 @@
 /*
  * bench/solver/cost.h: what a set of frames costs the solver: N cameras along the top edges of a room, bodies that move in
  * it, clutter on every sensor. Nothing hides a marker: every camera that has a body in its field sees all of it, which
- * is the most there is to do. Times are of this machine, one thread; work is counted and the same everywhere.
+ * is the most there is to do. Times are processor time of this machine, one thread; work is counted and the same everywhere.
  */
 #ifndef BB_BENCH_SOLVER_COST_H
 #define BB_BENCH_SOLVER_COST_H

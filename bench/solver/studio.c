@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bench/loop/seeing.h"
 #include "hal/scene.h"
 #include "sim/sim.h"
 #include "sim/sim_camera.h"
@@ -15,6 +16,7 @@ struct bb_studio_private {
 	struct bb_clock *clk;
 	struct bb_eventlog events;
 	struct bb_rig rig;
+	struct bb_seeing *seeing; /* NULL: the cameras find their blobs themselves */
 	struct bb_timemap *maps;
 	struct bb_blob *blobs;
 };
@@ -70,6 +72,8 @@ static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 {
 	struct bb_studio_private *own = s->own;
 
+	if (bb_seeing_create(s->room->cameras, own->rig.cameras, s->room->n_cameras, &own->seeing))
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "blob finders");
 	own->maps = calloc(s->room->n_cameras, sizeof(*own->maps));
 	own->blobs = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->blobs));
 	if (!own->maps || !own->blobs)
@@ -94,7 +98,7 @@ static size_t read_frames(struct bb_studio *s)
 	for (size_t i = 0; i < s->room->n_cameras; i++)
 		for (;; n++) {
 			struct bb_camera_frame frame = { .blobs = own->blobs, .cap = BB_CAMERA_BLOBS_MAX };
-			if (bb_camera_read(own->rig.cameras[i], &frame) != BB_OK)
+			if (bb_seeing_read(own->seeing, i, own->rig.cameras[i], &frame) != BB_OK)
 				break;
 			bb_timemap_add(&own->maps[i], frame.mid_exposure, frame.arrived_ns);
 			s->mid_ns = bb_timemap_host_ns(&own->maps[i], frame.mid_exposure);
@@ -142,12 +146,22 @@ static enum bb_status open_world(const struct bb_studio_config *c, struct bb_stu
 
 enum bb_status bb_studio_open(const struct bb_studio_config *config, struct bb_studio *out, struct bb_error *err)
 {
-	*out = (struct bb_studio){ .own = calloc(1, sizeof(*out->own)) };
-	if (!out->own)
+	struct bb_room *room;
+	const enum bb_status status = bb_room_load(config->room, &room, err);
+
+	*out = (struct bb_studio){ 0 };
+	return status ? status : bb_studio_open_room(config, room, out, err);
+}
+
+enum bb_status bb_studio_open_room(const struct bb_studio_config *config, struct bb_room *room, struct bb_studio *out,
+				   struct bb_error *err)
+{
+	*out = (struct bb_studio){ .room = room, .own = calloc(1, sizeof(*out->own)) };
+	if (!out->own) {
+		bb_room_free(room);
 		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a studio");
-	enum bb_status status = bb_room_load(config->room, &out->room, err);
-	if (!status)
-		status = check_room(out->room, err);
+	}
+	enum bb_status status = check_room(room, err);
 	if (!status)
 		status = open_world(config, out, err);
 	if (!status)
@@ -170,6 +184,7 @@ void bb_studio_close(struct bb_studio *s)
 	if (!own)
 		return;
 	bb_tracker_destroy(s->tracker);
+	bb_seeing_destroy(own->seeing);
 	bb_rig_close(&own->rig);
 	sim_world_destroy(s->world);
 	bb_clock_destroy(own->clk);
@@ -190,7 +205,9 @@ bool bb_studio_step(struct bb_studio *s, struct bb_track_solution *solution, boo
 		return false;
 	bb_clock_run_until(s->own->clk, now_ns + s->period_ns);
 	read_frames(s);
+	const int64_t from_ns = bb_clock_stopwatch_ns();
 	*solved = bb_tracker_solve(s->tracker, true, 0, solution, 1) > 0;
+	s->solve_ns = bb_clock_stopwatch_ns() - from_ns;
 	return true;
 }
 

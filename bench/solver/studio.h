@@ -25,12 +25,16 @@ struct bb_studio {
 	int64_t duration_ns, period_ns; /* of the path; of the cameras */
 	int64_t start_ns;               /* of the path, on the clock; before it time maps settle */
 	int64_t mid_ns;                 /* host time of the newest exposure seen */
+	int64_t solve_ns;               /* what the newest bb_studio_step took to solve, by the stopwatch */
 	struct bb_studio_private *own;
 };
 
 /* 1720: the room has no cameras or bodies, or its cameras differ in rate; else as the loaders and bb_rig_open. */
 BB_MUST_CHECK enum bb_status bb_studio_open(const struct bb_studio_config *config, struct bb_studio *out,
 					   struct bb_error *err);
+/* The same in a room that is loaded already, and may have been changed; the studio owns it from here, whatever comes. */
+BB_MUST_CHECK enum bb_status bb_studio_open_room(const struct bb_studio_config *config, struct bb_room *room,
+						 struct bb_studio *out, struct bb_error *err);
 void bb_studio_close(struct bb_studio *s);
 /* One exposure of all cameras, solved. false when the path is over. */
 bool bb_studio_step(struct bb_studio *s, struct bb_track_solution *solution, bool *solved);

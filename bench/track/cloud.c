@@ -234,11 +234,13 @@ static struct light march(const struct bb_cloud *c, struct bb_vec3 o, struct bb_
 	const struct bb_coverage_grid *g = c->grid;
 	const double step_m = STEP_VOXELS * g->step_m;
 	struct light sum = { 0 };
-	double t, end;
+	double from, to;
 
-	if (!crosses(g, o, d, &t, &end))
+	if (!crosses(g, o, d, &from, &to))
 		return sum;
-	for (t += 0.5 * step_m; t < end && sum.a < ENOUGH; t += step_m) {
+	const size_t steps = (size_t)((to - from) / step_m + 0.5);
+	for (size_t i = 0; i < steps && sum.a < ENOUGH; i++) {
+		const double t = from + ((double)i + 0.5) * step_m;
 		const struct bb_vec3 at = bb_vec3_sub(bb_vec3_add(o, bb_vec3_scale(d, t)), g->min);
 		const double p[3] = { at.x / g->step_m - 0.5, at.y / g->step_m - 0.5, at.z / g->step_m - 0.5 };
 		float s[4];
@@ -300,8 +302,9 @@ static void paint_row(void *ctx, size_t y, unsigned thread)
 	for (int x = 0; x < p->width; x++) {
 		struct light sum = { 0 };
 		for (int k = 0; k < SAMPLES * SAMPLES; k++) {
-			const double px = (x + (k % SAMPLES + 0.5) / SAMPLES) / p->sharper;
-			const double py = ((double)y + (k / SAMPLES + 0.5) / SAMPLES) / p->sharper;
+			const int right = k % SAMPLES, down = k / SAMPLES;
+			const double px = (x + (right + 0.5) / SAMPLES) / p->sharper;
+			const double py = ((double)y + (down + 0.5) / SAMPLES) / p->sharper;
 			const struct bb_vec3 d = direction(p->eye, px, py);
 			const struct light l = p->shadow ? darken(p->cloud, p->eye->eye, d, p->floor_m)
 							 : march(p->cloud, p->eye->eye, d);

@@ -108,10 +108,12 @@ static void draw_floor(cairo_t *cr, const struct bb_cloud_page *p)
 	cairo_close_path(cr);
 	pen_set(cr, (struct pen_colour){ 0.945, 0.950, 0.960, 1 });
 	cairo_fill(cr);
-	for (double x = ceil(r->min.x / grid_m) * grid_m; x <= r->max.x; x += grid_m)
-		stroke(cr, p, (struct bb_vec3){ x, y, r->min.z }, (struct bb_vec3){ x, y, r->max.z }, 0.6, pen_alpha(pen_grey, 0.28));
-	for (double z = ceil(r->min.z / grid_m) * grid_m; z <= r->max.z; z += grid_m)
-		stroke(cr, p, (struct bb_vec3){ r->min.x, y, z }, (struct bb_vec3){ r->max.x, y, z }, 0.6, pen_alpha(pen_grey, 0.28));
+	for (int i = (int)ceil(r->min.x / grid_m); i * grid_m <= r->max.x; i++)
+		stroke(cr, p, (struct bb_vec3){ i * grid_m, y, r->min.z }, (struct bb_vec3){ i * grid_m, y, r->max.z }, 0.6,
+		       pen_alpha(pen_grey, 0.28));
+	for (int i = (int)ceil(r->min.z / grid_m); i * grid_m <= r->max.z; i++)
+		stroke(cr, p, (struct bb_vec3){ r->min.x, y, i * grid_m }, (struct bb_vec3){ r->max.x, y, i * grid_m }, 0.6,
+		       pen_alpha(pen_grey, 0.28));
 }
 
 /* What one picture takes in, cut off at a length: through the lens, so that its edges bend as they do. */

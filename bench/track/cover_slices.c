@@ -173,14 +173,14 @@ static void draw_ticks(cairo_t *cr, const struct bb_coverage_grid *g, const stru
 	for (int pass = 0; pass < 2; pass++) {
 		const int axis = pass ? k->up : k->across;
 		const double low = low_of(g, axis), high = low + length_of(g, axis);
-		for (double m = ceil(low / step - 1e-9) * step; m <= high + 1e-9; m += step) {
-			const double v = fabs(m) < 1e-9 ? 0 : m;
+		for (int i = (int)ceil(low / step - 1e-9); i * step <= high + 1e-9; i++) {
+			const double m = i * step;
 			const struct pen_point on = page_point(g, k, pass ? low_of(g, k->across) : m, pass ? m : low_of(g, k->up));
 			const struct pen_point a = { on.x, pass ? on.y : k->y };
 			const struct pen_point b = pass ? (struct pen_point){ a.x - 4, a.y } : (struct pen_point){ a.x, a.y + 4 };
 			pen_line(cr, a, b, 0.8, pen_ink);
 			pen_text(cr, (struct pen_point){ pass ? b.x - 3 : b.x, pass ? b.y : b.y + 8 }, pass ? PEN_RIGHT : PEN_CENTRE, 9.5,
-				 false, pen_ink, "%g", v);
+				 false, pen_ink, "%g", m);
 		}
 	}
 	pen_text(cr, (struct pen_point){ k->x + w, k->y + 27 }, PEN_RIGHT, 10.5, false, pen_grey, "%c, m", name[k->across]);
@@ -280,10 +280,10 @@ static void draw_scale(cairo_t *cr, const struct scale *scale, double x, double 
 {
 	static const double round_mm[] = { 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100 };
 	cairo_pattern_t *ramp = cairo_pattern_create_linear(0, top + height, 0, top);
+	const size_t last = BB_ARRAY_LEN(colours) - 1;
 
-	for (size_t i = 0; i < BB_ARRAY_LEN(colours); i++)
-		cairo_pattern_add_color_stop_rgb(ramp, (double)i / (double)(BB_ARRAY_LEN(colours) - 1), colours[i][0],
-						 colours[i][1], colours[i][2]);
+	for (size_t i = 0; i <= last; i++)
+		cairo_pattern_add_color_stop_rgb(ramp, (double)i / (double)last, colours[i][0], colours[i][1], colours[i][2]);
 	cairo_rectangle(cr, x, top, 18, height);
 	cairo_set_source(cr, ramp);
 	cairo_fill_preserve(cr);

@@ -11,6 +11,7 @@
 
 #include "hal/room/budget_read.h"
 #include "hal/file.h"
+#include "hal/room/calibration.h"
 #include "hal/room/room_build.h"
 
 /* --- ids ---------------------------------------------------------------------------------------------------------- */
@@ -140,6 +141,7 @@ static const struct bb_option top_options[] = {
 	  "between the viewer's pupils" },
 	{ "degraded_max_s", BB_OPT_TYPE_F64, offsetof(struct bb_room, degraded_max_s), 0, 1, 0, 3600, 1, NULL, false,
 	  "a needed device may be degraded this long" },
+	ROW_TEXT("calibration", struct bb_room, calibration, "", false, "file of calibrated cameras: track calibrate"),
 	BB_OPT_END
 };
 
@@ -332,6 +334,23 @@ static void defaults(struct room_build *b)
 	bb_options_defaults(room_framelock_options, b->room);
 }
 
+/* `calibration: FILE` in place of what the cameras were planned to be. */
+static enum bb_status calibrate(struct room_build *b, const struct bb_yaml_node *root)
+{
+	struct bb_room *room = b->room;
+	struct bb_calibration_head head;
+
+	if (!*room->calibration || b->planned)
+		return BB_OK;
+	if (!bb_path_is_tame(room->calibration))
+		return bb_yaml_fail(&b->r, 1204, bb_yaml_get(root, "calibration"), "'%.80s'", room->calibration);
+	bb_path_settle(room->calibration, sizeof(room->calibration), room->path);
+	const enum bb_status status = bb_calibration_read(room->calibration, room->cameras, room->n_cameras, &head, b->r.err);
+	if (!status)
+		snprintf(room->calibrated, sizeof(room->calibrated), "%s", head.made);
+	return status;
+}
+
 static enum bb_status finish(struct room_build *b, const struct bb_yaml_node *root)
 {
 	struct bb_room *room = b->room;
@@ -346,7 +365,9 @@ static enum bb_status finish(struct room_build *b, const struct bb_yaml_node *ro
 	snprintf(room->link.id, sizeof(room->link.id), "net");
 	if (!*room->link.device)
 		snprintf(room->link.device, sizeof(room->link.device), "%s", b->device);
-	status = room_check_stereo(b, root);
+	status = calibrate(b, root);
+	if (!status)
+		status = room_check_stereo(b, root);
 	return status ? status : room_check_outlets(b, root);
 }
 
@@ -367,7 +388,7 @@ static enum bb_status build(struct room_build *b, const char *path)
 	return status;
 }
 
-enum bb_status bb_room_load(const char *path, struct bb_room **out, struct bb_error *err)
+static enum bb_status load(const char *path, bool planned, struct bb_room **out, struct bb_error *err)
 {
 	struct bb_error local = { 0 }; /* the builders rely on the first error winning */
 	struct room_build *b;
@@ -382,6 +403,7 @@ enum bb_status bb_room_load(const char *path, struct bb_room **out, struct bb_er
 	if (b && b->room) {
 		snprintf(b->room->path, sizeof(b->room->path), "%s", path);
 		b->r = (struct bb_reader){ b->room->path, err ? err : &local };
+		b->planned = planned;
 		status = build(b, path);
 	} else {
 		bb_fail(err, status, 1702, NULL, "a room");
@@ -392,6 +414,16 @@ enum bb_status bb_room_load(const char *path, struct bb_room **out, struct bb_er
 		*out = b->room;
 	free(b);
 	return status;
+}
+
+enum bb_status bb_room_load(const char *path, struct bb_room **out, struct bb_error *err)
+{
+	return load(path, false, out, err);
+}
+
+enum bb_status bb_room_load_planned(const char *path, struct bb_room **out, struct bb_error *err)
+{
+	return load(path, true, out, err);
 }
 
 void bb_room_free(struct bb_room *room)

@@ -62,6 +62,7 @@ struct room_monitor_draft {
 struct room_build {
 	struct bb_reader r; /* first: branches are handed a pointer to it */
 	struct bb_room *room;
+	bool planned;                /* cameras stay as planned, whatever calibration is named */
 	char device[BB_DEVICE_BYTES];
 	struct room_wall_draft wall; /* defaults */
 	struct room_camera_draft camera;
@@ -110,6 +111,8 @@ void room_wall_defaults(struct room_wall_draft *d);
 void room_camera_defaults(struct room_camera_draft *d);
 void room_monitor_defaults(struct room_monitor_draft *d);
 
+/* Does a lens not fold the picture's corners back? */
+bool room_lens_unfolds(const struct bb_camera_config *c);
 /* Checks that need the whole room. */
 BB_MUST_CHECK enum bb_status room_check_stereo(struct room_build *b, const struct bb_yaml_node *root);
 BB_MUST_CHECK enum bb_status room_check_outlets(struct room_build *b, const struct bb_yaml_node *root);

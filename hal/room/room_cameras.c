@@ -128,7 +128,7 @@ static double reach(const struct bb_camera_config *c)
 
 /* Does distortion keep growing as far as the picture reaches? Otherwise two rays share a pixel and none can be undone.
  * The tangential part takes up to 6 |p| t off the slope. */
-static bool lens_unfolds(const struct bb_camera_config *c)
+bool room_lens_unfolds(const struct bb_camera_config *c)
 {
 	const double far = reach(c), bend = 6 * hypot(c->p1, c->p2);
 	const double most = c->lens == BB_LENS_FISHEYE ? fmin(4 * far, MOST_OFF_AXIS_RAD) : 4 * far;
@@ -173,7 +173,7 @@ static enum bb_status check_camera(struct room_build *b, const struct room_camer
 	      c->cy_px < (double)c->height_px - 0.5))
 		return bb_yaml_fail(r, 1110, d->at, "'%s': its centre_px [%g, %g] is outside the picture", c->id, c->cx_px,
 		                    c->cy_px);
-	if (!lens_unfolds(c))
+	if (!room_lens_unfolds(c))
 		return bb_yaml_fail(r, 1110, d->at, "'%s': the lens (k1 %g, k2 %g, k3 %g) folds the picture's corners back",
 		                    c->id, c->k1, c->k2, c->k3);
 	for (size_t i = 0; i < b->room->n_cameras; i++)

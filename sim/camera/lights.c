@@ -6,8 +6,6 @@
 #include "sim/sim_camera.h"
 
 #define MARKERS_MAX ((size_t)BB_BODIES_MAX * 6)
-#define STROBE_M 2.0
-#define STROBE_MS 1.0
 #define SETTLE 2 /* rounds until a row and what it sees agree: a pixel a row apart moves less than a row */
 
 static struct bb_vec3 marker_at(const struct sim_eye *eye, size_t i, int64_t at_ns, bool mirrored)
@@ -93,11 +91,11 @@ static bool see_one(const struct sim_eye *eye, size_t i, bool mirrored, double s
 	if (!pixel(eye, marker_at(eye, i, mid_ns - half_ns, mirrored), from) ||
 	    !pixel(eye, marker_at(eye, i, mid_ns + half_ns, mirrored), to))
 		return false;
-	const double far = bb_vec3_norm(bb_vec3_sub(p, eye->pose.p)), near = STROBE_M / far;
+	const double near = eye->lamp->lamp_m / bb_vec3_norm(bb_vec3_sub(p, eye->pose.p));
 	*out = (struct sim_light){ .x0_px = from[0], .y0_px = from[1], .x1_px = to[0], .y1_px = to[1],
 		                   .radius_px = radius_px(eye, p, px),
-		                   .grey = share * eye->lamp->strobe_grey * near * near *
-		                           ((double)eye->exposure_ns * 1e-6 / STROBE_MS),
+		                   .grey = share * eye->lamp->marker_grey * near * near *
+		                           ((double)eye->exposure_ns / (double)eye->lamp->lamp_ns),
 		                   .hidden = hidden_points(eye, p, mirrored, mid_ns),
 		                   .ghost = mirrored };
 	return out->hidden != (1u << SIM_DISC_POINTS) - 1;

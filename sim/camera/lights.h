@@ -10,7 +10,9 @@
 
 struct sim_lamp { /* of one camera, and the markers in its light */
 	double marker_mm;   /* diameter of a marker */
-	double strobe_grey; /* level above black of a marker 2 m away after 1 ms of exposure, were it wider than the blur */
+	double marker_grey; /* level above black of a marker, were it wider than the blur, lamp_m away after lamp_ns of exposure */
+	double lamp_m;      /* the lamp is set for the middle of the room, light falls with the distance squared */
+	int64_t lamp_ns;    /* and for the camera's usual exposure */
 	double row_us;      /* a rolling shutter's rows expose this long after one another; 0: all at once */
 	double mirror;      /* share of the light that the floor returns */
 };

@@ -153,14 +153,22 @@ static void add_product(struct sim_picture *p, const struct box *b, const double
 	}
 }
 
-/* A disc in strips of equal height, each of its own width. */
+/* The area of the unit disc's right half below y. */
+static double half_disc(double y)
+{
+	const double t = y < -1 ? -1 : y > 1 ? 1 : y;
+
+	return (t * sqrt(1 - t * t) + asin(t)) / 2;
+}
+
+/* A disc in strips of equal height, each as wide as gives it its area. */
 static void add_disc(struct sim_picture *p, const struct box *b, double x, double y, double r, double grey)
 {
 	double across[2 * SPOT_PX_MAX + 4], down[2 * SPOT_PX_MAX + 4];
 	const double tall = 2 * r / STRIPS;
 
 	for (int i = 0; i < STRIPS; i++) {
-		const double low = -r + i * tall, mid = low + tall / 2, half = sqrt(r * r - mid * mid);
+		const double low = -r + i * tall, half = r * (half_disc(low / r + 2.0 / STRIPS) - half_disc(low / r)) * STRIPS / 2;
 		lay_line(across, b->x0, (size_t)(b->x1 - b->x0), x - half, x + half, p->sensor.psf_px);
 		lay_line(down, b->y0, (size_t)(b->y1 - b->y0), y + low, y + low + tall, p->sensor.psf_px);
 		add_product(p, b, across, down, grey);

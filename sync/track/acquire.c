@@ -93,18 +93,22 @@ static bool enough_blobs(const struct bb_tracker *tr, const struct bb_track_set 
 }
 
 /* Too little to tell a body by when it is not where it was expected: four blobs of one camera leave two equations to
- * judge by, and three markers of a larger body are three distances, which some three markers of others may have. */
+ * judge by, five of three markers four, and three markers of a larger body are three distances, which some three markers
+ * of others may have. Nobody is elsewhere a moment later without better proof. */
 static bool thin(const struct bb_tracker *tr, const struct bb_track_set *set, size_t body,
 		 const struct bb_track_candidate *c)
 {
 	const struct bb_track_body *b = &tr->bodies[body];
 	const bool alone = tr->config.n_bodies == 1;
+	struct bb_filter_state s;
 
 	if (bb_track_continues(b, set, &c->fit.pose, BB_TRACK_PRIOR_S))
 		return false;
+	if (bb_track_prior(b, set->at_ns, BB_TRACK_PRIOR_S, &s) && c->n_obs < 8)
+		return true;
 	if (c->n_seeing == 1 && c->n_obs < 5 && (!alone || tr->cold.n[c->obs[0].camera] > c->n_obs))
 		return true;
-	return !alone && c->n_markers == 3 && b->body->n_markers > 3;
+	return c->n_markers == 3 && (c->n_obs < 6 || (!alone && b->body->n_markers > 3));
 }
 
 void bb_track_acquire(struct bb_tracker *tr, const struct bb_track_set *set, size_t body,

@@ -129,9 +129,10 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 		return;
 	const double scale = fmax(lens->fx_px, lens->fy_px) / depth, arm = b->radius_m * gate->angle_sigma_rad;
 	const double metric = gate->position_sigma_m * gate->position_sigma_m + arm * arm;
-	const double sigma2 = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
-	const double wide = GATE_SIGMAS * sqrt(sigma2 + scale * scale * metric);
-	const double gate_px = fmax(BB_TRACK_GATE * tr->config.blob_sigma_px, fmin(wide, gate->most_px));
+	/* Noisier blobs than configured must not be cut to what was expected: what is left would look like that. */
+	const double worse = bb_track_noise(b, camera), sigma_px = tr->config.blob_sigma_px * fmax(1, worse);
+	const double wide = GATE_SIGMAS * sqrt(sigma_px * sigma_px + scale * scale * metric);
+	const double gate_px = fmax(BB_TRACK_GATE * sigma_px, fmin(wide, gate->most_px));
 	const double merge_px = 2 * (BB_TRACK_GATE + MERGE_NOISE) * tr->config.blob_sigma_px;
 	for (size_t m = 0; m < n; m++)
 		seen[m] = bb_lens_project(lens, moved_to(c, markers[m], pivot, dt_s), px[m]) && on_sensor(lens, px[m]);
@@ -147,7 +148,8 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 			continue;
 		}
 		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob,    chosen[i]->marker,
-							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px };
+							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px,
+							    worse };
 	}
 }
 

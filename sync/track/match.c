@@ -336,7 +336,7 @@ static void drop_owned(struct bb_track_cold *cold, const struct bb_track_view *v
 void bb_track_match_again(struct bb_tracker *tr, const struct bb_track_set *set)
 {
 	struct bb_track_cold *cold = &tr->cold;
-	uint16_t was[BB_TRACK_POINTS];
+	uint16_t was[BB_TRACK_POINTS] = { 0 };
 	size_t n = 0;
 
 	for (size_t p = 0; p < cold->n_points; p++)

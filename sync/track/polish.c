@@ -10,7 +10,7 @@
 #define LINE_RATIO 0.05 /* least over middle rotational information: below, the markers lie on a line */
 
 struct normal { /* weighted normal equations at one pose, in units of sigma */
-	double n[6][6], g[6], cost, chi2;
+	double n[6][6], g[6], cost, chi2, chi2_own;
 };
 
 static void add_row(struct normal *eq, const double j[6], double residual, double w)
@@ -30,8 +30,12 @@ static void spread(const struct bb_polish *p, const struct bb_pose *pose, struct
 		arm[i] = bb_quat_rotate(pose->q, bb_vec3_sub(p->markers[i], p->centroid));
 }
 
-static bool add_obs(const struct bb_polish *p, const struct bb_track_obs *o, struct bb_vec3 pivot, struct bb_vec3 arm,
-		    struct normal *eq)
+struct seen { /* an observation at one pose, px */
+	double r[2], row[2][6];
+};
+
+static bool look(const struct bb_polish *p, const struct bb_track_obs *o, struct bb_vec3 pivot, struct bb_vec3 arm,
+		 struct seen *s)
 {
 	const struct bb_vec3 moved =
 		bb_vec3_scale(bb_vec3_add(p->velocity, bb_vec3_cross(p->spin, arm)), (double)o->dt_s);
@@ -39,19 +43,58 @@ static bool add_obs(const struct bb_polish *p, const struct bb_track_obs *o, str
 
 	if (!bb_lens_derive(&p->lenses[o->camera], bb_vec3_add(bb_vec3_add(pivot, arm), moved), px, jac))
 		return false;
-	const double s = 1 / p->sigma_px, rx = (o->x_px - px[0]) * s, ry = (o->y_px - px[1]) * s;
-	const double r2 = rx * rx + ry * ry, h = p->huber_px * s;
-	const bool far = h > 0 && r2 > h * h;
-	const double w = far ? h / sqrt(r2) : 1;
-
-	eq->chi2 += r2;
-	eq->cost += far ? 2 * h * sqrt(r2) - h * h : r2;
+	s->r[0] = o->x_px - px[0];
+	s->r[1] = o->y_px - px[1];
 	for (int k = 0; k < 2; k++) {
-		const double a = s * jac[k][0], b = s * jac[k][1], c = s * jac[k][2];
+		const double a = jac[k][0], b = jac[k][1], c = jac[k][2];
 		/* a rotation by t moves the point by t x arm; its row is arm x (a, b, c) */
 		const double row[6] = { arm.y * c - arm.z * b, arm.z * a - arm.x * c, arm.x * b - arm.y * a, a, b, c };
-		add_row(eq, row, k ? ry : rx, w);
+		memcpy(s->row[k], row, sizeof(row));
 	}
+	return true;
+}
+
+/* One over the variance of an observation's coordinates, px^-2. */
+static double weight_of(const struct bb_polish *p, const struct bb_track_obs *o)
+{
+	const double sigma_px = p->sigma_px * (o->worse > 0 ? o->worse : 1);
+
+	return 1 / (sigma_px * sigma_px);
+}
+
+static bool add_obs(const struct bb_polish *p, const struct bb_track_obs *o, struct bb_vec3 pivot, struct bb_vec3 arm,
+		    struct normal *eq)
+{
+	struct seen s;
+
+	if (!look(p, o, pivot, arm, &s))
+		return false;
+	const double weight = weight_of(p, o), px2 = s.r[0] * s.r[0] + s.r[1] * s.r[1], r2 = px2 * weight;
+	const double h2 = p->huber_px * p->huber_px * weight;
+	const bool far = h2 > 0 && r2 > h2;
+	const double w = far ? sqrt(h2 / r2) : 1;
+
+	eq->chi2 += px2 / (p->sigma_px * p->sigma_px);
+	eq->chi2_own += r2;
+	eq->cost += far ? 2 * sqrt(h2 * r2) - h2 : r2;
+	for (int k = 0; k < 2; k++)
+		add_row(eq, s.row[k], s.r[k], w * weight);
+	return true;
+}
+
+bool bb_polish_residual(const struct bb_polish *p, const struct bb_track_obs *o, double *square_px2, double *left)
+{
+	const struct bb_vec3 arm = bb_quat_rotate(p->pose.q, bb_vec3_sub(p->markers[o->marker], p->centroid));
+	struct seen s;
+
+	if (!look(p, o, bb_pose_apply(&p->pose, p->centroid), arm, &s))
+		return false;
+	*square_px2 = s.r[0] * s.r[0] + s.r[1] * s.r[1];
+	*left = 2;
+	for (int k = 0; k < 2; k++)
+		for (int a = 0; a < 6; a++)
+			for (int b = 0; b < 6; b++)
+				*left -= weight_of(p, o) * s.row[k][a] * p->covariance[a][b] * s.row[k][b];
 	return true;
 }
 
@@ -146,6 +189,7 @@ static bool finish(struct bb_polish *p, const struct normal *eq)
 		return false;
 	bb_chol6_inverse(l, p->covariance);
 	p->chi2 = eq->chi2;
+	p->chi2_own = eq->chi2_own;
 	return true;
 }
 

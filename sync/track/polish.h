@@ -14,6 +14,7 @@ struct bb_track_obs { /* a blob said to be a marker */
 	uint8_t marker;
 	float dt_s; /* this camera's mid-exposure minus the set's */
 	double x_px, y_px;
+	double worse; /* its noise over sigma_px; 0: 1 */
 };
 
 struct bb_polish {
@@ -28,7 +29,8 @@ struct bb_polish {
 
 	struct bb_pose pose; /* in and out */
 
-	double chi2;             /* out: squared residuals in sigmas (not the robust ones) */
+	double chi2;             /* out: squared residuals in sigma_px (not the robust ones) */
+	double chi2_own;         /* the same, each blob in its own sigma */
 	double covariance[6][6]; /* of rotation vector (rad) and centroid (m), room axes; without the held roll */
 	double roll_sigma_rad;   /* of the least known rotation */
 	struct bb_vec3 roll_axis;
@@ -37,5 +39,9 @@ struct bb_polish {
 
 /* false when an observation cannot be projected from the start, or the pixels do not fix the pose. */
 bool bb_polish_run(struct bb_polish *p, int most_steps);
+
+/* After a run: an observation's squared residual, px^2, and how many of its two coordinates the pose did not take up
+ * (2 less its leverage): over many, the ratio of the sums is the variance of a coordinate. */
+bool bb_polish_residual(const struct bb_polish *p, const struct bb_track_obs *o, double *square_px2, double *left);
 
 #endif

@@ -12,10 +12,16 @@
 #define WARM_GATE_PX 20.0
 #define PATIENCE 16 /* failed sets before cold starts become rarer */
 #define RARER 4
-#define DOUBTS 3
+#define DOUBTS 1
+#define SWAP_SIGMAS 3.0 /* row K5 */
 #define NOISE_PRIOR_DOF 200.0
 #define NOISE_SETS 128.0
-#define NOISE_LEAST 0.2 /* below, it is not the blobs that decide */
+#define NOISE_LEAST 0.05 /* below, it is not the blobs that decide */
+#define NOISE_MOST 16.0
+#define NOISE_PRIOR 20.0 /* coordinates, believed of a camera to begin with */
+#define NOISE_OBS 240.0  /* half a second of five markers at 120 Hz: so long a distance is about the same */
+#define NOISE_OBS_LEAST 8
+#define NOISE_WILD 50.0
 #define CLEARLY 75.0 /* three more blobs explained */
 
 struct bb_pose bb_track_pose_about(const struct bb_track_body *b, struct bb_vec3 centroid, struct bb_quat q)
@@ -53,7 +59,7 @@ static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 	struct bb_track_body *b = &tr->bodies[body];
 	struct bb_filter_state s;
 
-	b->found.ok = false;
+	b->found.ok = b->swapped = false;
 	if (!bb_track_prior(b, set->at_ns, WARM_AGE_S, &s))
 		return;
 	const struct bb_track_gate gate = { s.position_sigma_m, s.angle_sigma_rad, WARM_GATE_PX };
@@ -64,7 +70,8 @@ static void warm(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 		claim(set, body, &b->found, true);
 }
 
-/* After a few doubtful sets start over from nothing and take what explains clearly more. */
+/* In the first doubtful set, and in some of those that follow, start over from nothing and take what explains clearly
+ * more. */
 static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t body)
 {
 	struct bb_track_body *b = &tr->bodies[body];
@@ -81,7 +88,8 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 	tr->cold.matched = false; /* its blobs are to be matched as well */
 	bb_track_swap(&b->found, &tr->aside);
 	bb_track_acquire(tr, set, body, &b->found);
-	if (!b->found.ok || b->found.score < tr->aside.score + CLEARLY)
+	b->swapped = b->found.ok && b->found.score >= tr->aside.score + CLEARLY;
+	if (!b->swapped)
 		bb_track_swap(&b->found, &tr->aside);
 	claim(set, body, &b->found, true);
 }
@@ -91,7 +99,7 @@ static void reconsider(struct bb_tracker *tr, struct bb_track_set *set, size_t b
 static double noise_factor(struct bb_track_body *b)
 {
 	const struct bb_track_candidate *c = &b->found;
-	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2 / dof : 0;
+	const double dof = 2.0 * (double)c->n_obs - 6, now = dof > 0 ? c->fit.chi2_own / dof : 0;
 
 	if (!(b->noise_dof > 0)) { /* to begin with the configuration is believed */
 		b->noise_dof = b->noise_chi2 = NOISE_PRIOR_DOF;
@@ -130,7 +138,7 @@ static struct bb_track_solution solution_of(const struct bb_tracker *tr, const s
 		.n_cameras = c->n_cameras,
 		.n_blobs = (uint16_t)c->n_obs,
 		.flags = BB_TRACK_FRESH | (f->roll_held ? BB_TRACK_COLLINEAR : 0u) |
-			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u),
+			 (c->n_seeing == 1 ? BB_TRACK_ONE_CAMERA : 0u) | (b->swapped ? BB_TRACK_SWAP : 0u),
 	};
 
 	bb_track_pack(covariance, 0, BB_DEG_PER_RAD, s.covariance_deg2);
@@ -158,6 +166,7 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 	const struct bb_vec3 centroid = bb_pose_apply(&f->pose, b->centroid);
 	const struct bb_vec3 hold = f->roll_held ? f->roll_axis : (struct bb_vec3){ 0, 0, 0 };
 	const double more = noise_factor(b);
+	struct bb_filter_state s;
 	double covariance[6][6];
 
 	for (int r = 0; r < 6; r++)
@@ -165,21 +174,44 @@ static void commit(struct bb_tracker *tr, const struct bb_track_set *set, struct
 			covariance[r][c] = more * f->covariance[r][c];
 	const double(*cov)[6] = (const double(*)[6])covariance;
 	/* A cold start may find the body where the filter did not expect it: then the filter was wrong. */
-	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S))
+	if (bb_track_continues(b, set, &f->pose, WARM_AGE_S)) {
 		bb_filter_update(&b->filter, set->at_ns, centroid, f->pose.q, cov, hold);
-	else
+	} else {
+		b->swapped |= bb_track_prior(b, set->at_ns, WARM_AGE_S, &s); /* nobody moves like that */
 		bb_filter_start(&b->filter, set->at_ns, centroid, f->pose.q, cov);
+	}
+	b->swapped |= b->found.fit.chi2 > SWAP_SIGMAS * SWAP_SIGMAS * fmax(2.0 * (double)b->found.n_obs - 6, 1);
+	tr->counted.swaps += b->swapped;
 	b->last = solution_of(tr, set, b, cov);
 	b->ring[b->n_solutions++ % BB_TRACK_RING] = b->last;
 }
 
+double bb_track_noise(const struct bb_track_body *b, size_t camera)
+{
+	const struct bb_track_noise *n = &b->noise[camera];
+
+	return n->left > 0 ? sqrt(n->square / n->left) : 1;
+}
+
+/* Near and far cameras do not find blobs equally well, nor those whose blobs are saturated. In units of the configured
+ * variance. */
+static void learn_noise(struct bb_track_noise *n, double square, double left)
+{
+	if (!(n->left > 0))
+		*n = (struct bb_track_noise){ NOISE_PRIOR, NOISE_PRIOR };
+	n->square += fmin(square, NOISE_WILD) - n->square / NOISE_OBS;
+	n->left += fmax(left, 0) - n->left / NOISE_OBS;
+	n->square = fmin(fmax(n->square, NOISE_LEAST * n->left), NOISE_MOST * n->left);
+}
+
 /* What one camera gave to a solved body. obs are sorted by camera; from is where this camera's begin. */
-static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, const struct bb_track_body *b,
+static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set, struct bb_track_body *b,
 			   size_t camera, size_t from)
 {
 	const struct bb_track_candidate *c = &b->found;
 	const struct bb_lens *lens = &tr->lenses[camera];
 	struct bb_track_camera_stats *stats = &tr->stats[camera];
+	const double var = tr->config.blob_sigma_px * tr->config.blob_sigma_px;
 	size_t expected = 0, used = 0;
 	double px[2];
 
@@ -188,10 +220,12 @@ static size_t count_camera(struct bb_tracker *tr, const struct bb_track_set *set
 			    px[1] > 0 && px[0] < lens->width_px - 1 && px[1] < lens->height_px - 1;
 	for (; from + used < c->n_obs && c->obs[from + used].camera == camera; used++) {
 		const struct bb_track_obs *o = &c->obs[from + used];
-		if (!bb_lens_project(lens, bb_pose_apply(&c->fit.pose, b->body->marker[o->marker]), px))
+		double square_px2, left;
+		if (!bb_polish_residual(&c->fit, o, &square_px2, &left))
 			continue;
-		const double dx = o->x_px - px[0], dy = o->y_px - px[1];
-		tr->mean_square_px2[camera] += ((dx * dx + dy * dy) / 2 - tr->mean_square_px2[camera]) / 64;
+		if (c->n_obs >= NOISE_OBS_LEAST)
+			learn_noise(&b->noise[camera], square_px2 / var, left);
+		tr->mean_square_px2[camera] += (square_px2 / 2 - tr->mean_square_px2[camera]) / 64;
 	}
 	stats->used += used;
 	stats->missing += expected > used ? expected - used : 0;

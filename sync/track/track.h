@@ -58,8 +58,8 @@ struct bb_track_point { /* a triangulated blob */
 /* What one set may cost beside what its own bodies cost warm: cold starts of all bodies together. At 24 cameras it is
  * about 3 ms on one core of 2020s' servers, less than a period of 250 Hz (`blackburst bench track`). */
 #define BB_TRACK_PAIRS_MAX 199900 /* pairs of rays, nearest to the predictions first; looked at every 96, so 200,000 */
-#define BB_TRACK_LOOKS_MAX 4000   /* cameras asked about a pair that met */
-#define BB_TRACK_POSES_MAX 1000 /* made from three points or bearings and held against all blobs */
+#define BB_TRACK_LOOKS_MAX 3000   /* cameras asked about a pair that met */
+#define BB_TRACK_POSES_MAX 800 /* made from three points or bearings and held against all blobs */
 #define BB_TRACK_REFINES_MAX 20   /* rough poses polished over all cameras */
 
 struct bb_track_cold { /* scratch of a cold start */
@@ -78,6 +78,10 @@ struct bb_track_cold { /* scratch of a cold start */
 	size_t n_poses;
 };
 
+struct bb_track_noise { /* of a body's blobs in a camera: decaying sums of squared residuals and of what is left of them */
+	double square, left;
+};
+
 struct bb_track_body {
 	const struct bb_body *body;
 	struct bb_vec3 centroid; /* body space */
@@ -86,8 +90,10 @@ struct bb_track_body {
 	struct bb_track_solution last;
 	bool fresh;        /* the newest set gave a solution */
 	unsigned failures; /* sets in a row */
+	bool swapped;      /* the newest set contradicted the labels of the one before */
 	unsigned doubts;   /* sets in a row with more blobs around the body than the pose explains */
 	double noise_chi2, noise_dof; /* decaying sums */
+	struct bb_track_noise *noise; /* per camera */
 	struct bb_track_candidate found;
 	struct bb_track_solution ring[BB_TRACK_RING];
 	uint64_t n_solutions, n_told;
@@ -152,6 +158,8 @@ bool bb_track_same_pose(const struct bb_track_body *b, const struct bb_pose *x, 
 void bb_track_solve_set(struct bb_tracker *tr, struct bb_track_set *set);
 /* The prediction for a set if the body was seen within max_age_s of it. */
 bool bb_track_prior(const struct bb_track_body *b, int64_t at_ns, double max_age_s, struct bb_filter_state *state);
+/* The noise of a body's blobs in a camera over the configured one. */
+double bb_track_noise(const struct bb_track_body *b, size_t camera);
 /* Is a pose where the filter expects the body? false when it was last seen more than max_age_s ago. */
 bool bb_track_continues(const struct bb_track_body *b, const struct bb_track_set *set, const struct bb_pose *pose,
 			double max_age_s);

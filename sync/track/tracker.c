@@ -95,8 +95,10 @@ static bool take_memory(struct bb_tracker *tr, size_t n_cameras, size_t n_bodies
 	tr->bodies = calloc(n_bodies, sizeof(*tr->bodies));
 	tr->flood = calloc(BB_TRACK_FLOOD_MAX, sizeof(*tr->flood));
 	ok = ok && tr->flood && tr->lenses && tr->stats && tr->mean_square_px2 && tr->bodies;
-	for (size_t i = 0; ok && i < n_bodies; i++)
-		ok = take_candidate(&tr->bodies[i].found, n_cameras);
+	for (size_t i = 0; ok && i < n_bodies; i++) {
+		tr->bodies[i].noise = calloc(n_cameras, sizeof(struct bb_track_noise));
+		ok = tr->bodies[i].noise && take_candidate(&tr->bodies[i].found, n_cameras);
+	}
 	for (size_t i = 0; ok && i <= BB_TRACK_SETS; i++)
 		ok = take_set(&tr->sets[i], n_cameras);
 	return ok;
@@ -118,11 +120,11 @@ static void know_body(struct bb_track_body *b, const struct bb_body *body)
  * another does not take its blobs. */
 static void order_bodies(struct bb_tracker *tr)
 {
-	for (uint8_t i = 0; i < tr->config.n_bodies; i++) {
+	for (size_t i = 0; i < tr->config.n_bodies; i++) {
 		size_t at = i;
 		for (; at > 0 && tr->bodies[tr->order[at - 1]].body->n_markers < tr->bodies[i].body->n_markers; at--)
 			tr->order[at] = tr->order[at - 1];
-		tr->order[at] = i;
+		tr->order[at] = (uint8_t)i;
 	}
 }
 
@@ -171,8 +173,10 @@ void bb_tracker_destroy(struct bb_tracker *tr)
 		return;
 	for (size_t i = 0; i <= BB_TRACK_SETS; i++)
 		drop_set(&tr->sets[i], tr->config.n_cameras);
-	for (size_t i = 0; tr->bodies && i < tr->config.n_bodies; i++)
+	for (size_t i = 0; tr->bodies && i < tr->config.n_bodies; i++) {
 		free(tr->bodies[i].found.obs);
+		free(tr->bodies[i].noise);
+	}
 	for (size_t i = 0; i < BB_TRACK_POINTS; i++)
 		free(tr->cold.points[i].blob);
 	free(tr->cold.n);
