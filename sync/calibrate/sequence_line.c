@@ -13,7 +13,7 @@ struct cursor {
 	const char *at, *end;
 };
 
-/* The next word, NUL-terminated in out[cap]; 0 at the end, -1 when it does not fit. */
+/* The next word, NUL-terminated in out[cap]; 0 at the end, -1 when it does not fit or is no text. */
 static int word(struct cursor *c, char *out, size_t cap)
 {
 	size_t n = 0;
@@ -21,7 +21,7 @@ static int word(struct cursor *c, char *out, size_t cap)
 	while (c->at < c->end && (*c->at == ' ' || *c->at == '\t' || *c->at == '\r'))
 		c->at++;
 	for (; c->at < c->end && *c->at != ' ' && *c->at != '\t' && *c->at != '\r'; c->at++) {
-		if (n + 1 >= cap)
+		if (n + 1 >= cap || (unsigned char)*c->at < ' ')
 			return -1;
 		out[n++] = *c->at;
 	}
@@ -89,7 +89,7 @@ const char *bb_sequence_line(const char *text, size_t n, struct bb_sequence_line
 	if (!found || key[0] == '#' || (n && text[0] == '#'))
 		return NULL;
 	if (found < 0)
-		return "a word too long";
+		return "a word too long, or no text";
 	if (!strcmp(key, "wand_mm")) {
 		out->kind = BB_SEQUENCE_WAND;
 		return numbers(&c, 3, out);
