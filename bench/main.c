@@ -10,8 +10,6 @@ static const struct bb_command *const commands[] = {
 	&bb_cmd_volume_generate, &bb_cmd_volume_build, &bb_cmd_phase,
 	&bb_cmd_volume_info, &bb_cmd_volume_verify, &bb_cmd_volume_speed, &bb_cmd_volume_tables, &bb_cmd_volume_select,
 	&bb_cmd_phase_measure, &bb_cmd_phase_sense,
-	&bb_cmd_track_coverage, &bb_cmd_track_place,
-	&bb_cmd_track_replay, &bb_cmd_track_import, &bb_cmd_track_serve,
 	&bb_cmd_bench_track,
 	&bb_cmd_track_calibrate, &bb_cmd_track_align, &bb_cmd_track_coverage, &bb_cmd_track_place,
 	&bb_cmd_track_replay, &bb_cmd_track_import, &bb_cmd_track_serve, NULL,

@@ -3,12 +3,14 @@
 Reads streams of tracking as other people's programs do, with nothing but Python's own library. Written from the layouts in
 docs/streaming.md's references, not from our C: what both get wrong would have to be wrong twice.
 
-mocap_client.py natnet PORT SECONDS | vrpn PORT SENDER[,SENDER] SECONDS | lob PORT SENDER SECONDS: prints JSON.
+mocap_client.py natnet PORT SECONDS | vrpn PORT SENDER[,SENDER] SECONDS | lob PORT SENDER SECONDS |
+both NATNET-PORT,VRPN-PORT SENDER SECONDS: prints JSON.
 """
 import json
 import socket
 import struct
 import sys
+import threading
 import time
 
 
@@ -74,7 +76,21 @@ class NatNet:
     def __init__(self, port):
         self.to = ("127.0.0.1", port)
         self.s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self.s.settimeout(3)
+        self.s.settimeout(1)
+
+    def ask(self, ident, payload, wanted):
+        """Again and again: the machine may be busy, and datagrams may be lost."""
+        for _ in range(20):
+            self.say(ident, payload)
+            end = time.monotonic() + 1
+            try:
+                while time.monotonic() < end:
+                    got, b = self.hear(wanted, 7)
+                    if got == wanted:
+                        return b
+            except socket.timeout:
+                pass
+        raise AssertionError("no answer to %d" % ident)
 
     def say(self, ident, payload=b""):
         self.s.sendto(struct.pack("<HH", ident, len(payload)) + payload, self.to)
@@ -88,28 +104,29 @@ class NatNet:
                 return ident, Bytes(data[4:])
 
 
-def natnet(port, seconds):
+def natnet(port, seconds, meanwhile=None):
     c = NatNet(port)
-    c.say(0, b"Python".ljust(256, b"\0") + bytes([1, 0, 0, 0, 3, 0, 0, 0]))
-    _, b = c.hear(1)
+    b = c.ask(0, b"Python".ljust(256, b"\0") + bytes([1, 0, 0, 0, 3, 0, 0, 0]), 1)
     name = b.data[:256].split(b"\0")[0].decode()
     info = {"name": name, "natnet": list(b.data[260:264]), "hz": struct.unpack_from("<Q", b.data, 264)[0],
             "data_port": struct.unpack_from("<H", b.data, 272)[0], "bytes": len(b.data)}
-    c.say(4)
-    models = natnet_models(c.hear(5)[1])
-    c.say(12, struct.pack("<Q", 4711))
-    echo = c.hear(13)[1].take("QQ")
-    c.say(2, b"FrameRate\0")
-    rate = c.hear(3)[1].take("f")
-    c.say(2, b"Nonsense\0")
-    c.hear(0x100)
-    c.say(6)
+    models = natnet_models(c.ask(4, b"", 5))
+    echo = c.ask(12, struct.pack("<Q", 4711), 13).take("QQ")
+    rate = c.ask(2, b"FrameRate\0", 3).take("f")
+    c.ask(2, b"Nonsense\0", 0x100)
+    c.ask(6, b"", 7)
+    c.s.settimeout(3)
     frames, end, alive = [], time.monotonic() + seconds, 0
-    while time.monotonic() < end:
+    if meanwhile:
+        meanwhile.start()
+    while time.monotonic() < end or (meanwhile and meanwhile.is_alive()) or (len(frames) < 15 and time.monotonic() < end + 10):
         if time.monotonic() > alive:
             c.say(10)
             alive = time.monotonic() + 1
-        f = natnet_frame(c.hear(7)[1])
+        try:
+            f = natnet_frame(c.hear(7)[1])
+        except socket.timeout:  # they are gone
+            break
         if not frames or f["number"] != frames[-1]["number"]:  # one comes twice: it was asked for
             frames.append(f)
     c.say(9)
@@ -144,7 +161,7 @@ def vrpn_describe(s, kind, ident, name):
 
 
 def vrpn_talk(s, wanted, seconds):
-    s.settimeout(3)
+    s.settimeout(10)
     cookie = vrpn_read(s, 24)
     assert cookie[:14] == b"vrpn: ver. 07." and cookie[18:] == b"0" + bytes(5), cookie
     s.sendall(b"vrpn: ver. 07.33  0" + bytes(5))  # an older one than theirs
@@ -188,9 +205,19 @@ def lob(port, names, seconds):
     return vrpn_talk(listener.accept()[0], names.split(","), seconds)
 
 
+def both(ports, names, seconds):
+    """At one time, so that they hear the same frames."""
+    v = {}
+    t = threading.Thread(target=lambda: v.update(vrpn(ports[1], names, seconds)))
+    n = natnet(ports[0], seconds, t)
+    t.join()
+    return {"n": n, "v": v}
+
+
 if __name__ == "__main__":
-    how, where = sys.argv[1], int(sys.argv[2])
+    how = sys.argv[1]
+    where = [int(p) for p in sys.argv[2].split(",")] if how == "both" else int(sys.argv[2])
     if how == "natnet":
         json.dump(natnet(where, float(sys.argv[3])), sys.stdout)
     else:
-        json.dump({"vrpn": vrpn, "lob": lob}[how](where, sys.argv[3], float(sys.argv[4])), sys.stdout)
+        json.dump({"vrpn": vrpn, "lob": lob, "both": both}[how](where, sys.argv[3], float(sys.argv[4])), sys.stdout)

@@ -587,7 +587,7 @@ static void placement_seeks_the_weakest_decile(void **state)
 					  .body = BB_COVERAGE_NONE, .apart_m = 0.3, .sweeps = 5, .seed = 3 };
 	struct bb_placed *placed = calloc(1, sizeof(*placed));
 	struct bb_coverage_grid g;
-	double worth[1000], sum = 0;
+	double worth[1000] = { 0 }, sum = 0;
 	size_t n = 0;
 
 	(void)state;

@@ -85,7 +85,7 @@ static void read_story(struct story *s, const struct bb_run_result *r, double to
 	s->start_ns = llround(r->scene_start_s * 1e9);
 	s->longest_frame_ns = longest_frame_ns(r);
 	s->before = errors_in(r, 0.5, 2);
-	s->during = errors_in(r, 2, to_s);
+	s->during = errors_in(r, 2, fmax(to_s, 2.1));
 	s->after = errors_in(r, to_s + 0.5, 8);
 	s->dropped = counted(r, "camera_frames_dropped");
 	s->gaps = counted(r, "gaps");

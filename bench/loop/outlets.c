@@ -138,8 +138,12 @@ static void stream(struct bb_frame_loop *l, size_t n_reads, int64_t now_ns)
 			                         .error_m = fmin(p.position_sigma_mm * 1e-3, 1e3) };
 	}
 	const int64_t turn_ns = bb_clock_now_ns(l->clk);
+	const struct bb_mocap_counts before = bb_mocap_counts(o->mocap);
 	bb_mocap_step(o->mocap, turn_ns);
 	bb_mocap_frame(o->mocap, &f, turn_ns);
+	const struct bb_mocap_counts now = bb_mocap_counts(o->mocap);
+	bb_result_count(l->result, "natnet_datagrams_sent", now.natnet_sent - before.natnet_sent);
+	bb_result_count(l->result, "vrpn_poses_sent", now.vrpn_poses - before.vrpn_poses);
 }
 
 void bb_outlets_turn(struct bb_frame_loop *l, size_t n_reads, const struct bb_track_solution *solutions, size_t n,

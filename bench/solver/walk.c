@@ -47,7 +47,7 @@ static void judge_labels(struct work *w, const struct bb_studio *s, int64_t at_n
 	const size_t n = bb_tracker_labels(s->tracker, 0, labels, LABELS_MAX);
 
 	for (size_t i = 0; i < n && i < LABELS_MAX; i++) {
-		double nearest = INFINITY, own = INFINITY, px[2];
+		double nearest = HUGE_VAL, own = HUGE_VAL, px[2];
 		bool visible;
 		for (size_t m = 0; m < s->room->bodies[0].n_markers; m++) {
 			if (!bb_studio_marker_px(s, labels[i].camera, m, at_ns, px, &visible))

@@ -24,7 +24,7 @@ static double settled(double *values, size_t n)
 }
 
 /* Where a camera saw the square's markers, over all its pictures of it; false: hardly ever. */
-static bool look(const struct bb_calibrate_config *config, const struct bb_lens *lens, size_t camera, int64_t from_ns,
+static bool look(const struct bb_calibrate_config *config, const struct bb_lens *lens, size_t camera,
                  double *scratch, double out[4][2])
 {
 	const struct bb_sequence *s = config->sequence;
@@ -34,7 +34,7 @@ static bool look(const struct bb_calibrate_config *config, const struct bb_lens 
 		const struct bb_sequence_sight *sight = &s->sights[i];
 		const float (*px)[2] = (const float(*)[2])(s->px + sight->first);
 		int order[4];
-		if (!sight->square || sight->camera != camera || sight->t_ns < from_ns)
+		if (!sight->square || sight->camera != camera)
 			continue;
 		asked++;
 		if (!bb_label_square(lens, s, px, sight->n, order))
@@ -61,8 +61,7 @@ static bool find_markers(const struct bb_calibrate_config *config, struct bb_cal
 		struct bb_lens lens;
 		double px[4][2];
 		/* a camera that was knocked saw the square from where it is no longer */
-		const int64_t from_ns = c->report[i].knocked ? c->report[i].knocked_ns : INT64_MIN;
-		if (!bb_lens_init(&lens, &c->cameras[i]) || !look(config, &lens, i, from_ns, scratch, px))
+		if (c->report[i].knocked || !bb_lens_init(&lens, &c->cameras[i]) || !look(config, &lens, i, scratch, px))
 			continue;
 		bool rays = true;
 		for (int m = 0; m < 4; m++) {

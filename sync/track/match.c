@@ -14,7 +14,7 @@
 /* The frame's blobs that nobody owns; of too many the nearest to where the body should be, or else the largest. */
 static double preference(const struct bb_blob *blob, const double near_px[][2], size_t n_near)
 {
-	double best = INFINITY;
+	double best = HUGE_VAL;
 
 	if (!n_near)
 		return -(double)blob->area_px;
