@@ -5,7 +5,8 @@
  * its own clock (seeded phase, +-50 ppm). Markers stand where they are at mid-exposure, go through the lens (hal/camera.h), get normal noise, and are reported sorted by y, then x; spots that overlap are one blob. A frame
  * arrives exposure/2 + read-out + transfer + jitter (uniform, never early, never overtaking) after mid-exposure. The
  * stamp is the camera's own 32-bit microsecond counter (seeded start, +-30 ppm), unwrapped. Fidelity 0: no noise, no
- * jitter, no occlusion, no merging, and the device clock is the host's in ns.
+ * jitter, no occlusion, no merging, and the device clock is the host's in ns. Fidelity 2: a picture of the same moment
+ * (sim/camera/picture.h) for whoever has room for one; who has not gets the blobs, with the noise such pictures leave.
  */
 #ifndef BB_SIM_CAMERA_H
 #define BB_SIM_CAMERA_H
