@@ -75,7 +75,7 @@ static size_t nearest(const struct bb_blob *blobs, size_t n, double x, double y,
 {
 	size_t best = 0;
 
-	*distance_px = INFINITY;
+	*distance_px = (double)INFINITY;
 	for (size_t i = 0; i < n; i++) {
 		const double far = hypot((double)blobs[i].x_px - x, (double)blobs[i].y_px - y);
 		if (far < *distance_px) {

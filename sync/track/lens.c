@@ -248,7 +248,7 @@ static double undistort_radius(const struct bb_lens *lens, double rd)
  */
 static bool undistort(const struct bb_lens *lens, const double want[2], double at[2])
 {
-	double d[2], m[3], error = INFINITY;
+	double d[2], m[3], error = (double)INFINITY;
 
 	for (int i = 0; i < 40; i++) {
 		distort(lens, at[0], at[1], d, m);
@@ -257,7 +257,7 @@ static bool undistort(const struct bb_lens *lens, const double want[2], double a
 		if (error < 1e-14 * (1 + hypot(want[0], want[1])))
 			return true;
 		const double step[2] = { (m[2] * ex - m[1] * ey) / det, (m[0] * ey - m[1] * ex) / det };
-		double next[2] = { at[0], at[1] }, now = INFINITY;
+		double next[2] = { at[0], at[1] }, now = (double)INFINITY;
 		for (int half = 0; half < 40 && !(now < error); half++) {
 			next[0] = at[0] + ldexp(step[0], -half);
 			next[1] = at[1] + ldexp(step[1], -half);
