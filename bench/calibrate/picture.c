@@ -69,9 +69,10 @@ static void paint(cairo_t *cr, void *ctx)
 	pen_text(cr, (struct pen_point){ SIDE, 38 }, PEN_LEFT, 9, false, pen_grey,
 	         "%.4f px rms per coordinate; strokes %.0f times too long; red: left out", c->rms_px,
 	         s->longer / (PANEL / (double)c->cameras[0].width_px));
-	for (size_t i = 0; i < c->n_cameras; i++)
-		draw_panel(cr, s, i, SIDE + (double)(i % (size_t)s->columns) * (PANEL + GAP / 2),
-		           TOP + GAP / 2 + (double)(i / (size_t)s->columns) * (s->tall + GAP));
+	for (size_t i = 0; i < c->n_cameras; i++) {
+		const size_t column = i % (size_t)s->columns, row = i / (size_t)s->columns;
+		draw_panel(cr, s, i, SIDE + (double)column * (PANEL + GAP / 2), TOP + GAP / 2 + (double)row * (s->tall + GAP));
+	}
 }
 
 enum bb_status bb_calibrate_draw(const struct bb_calibrate_outcome *o, const char *file, struct bb_error *err)

@@ -407,12 +407,12 @@ static enum bb_status make_work(const struct bb_bundle *b, struct work *w)
 static bool improve(struct bb_bundle *b, struct work *w, double *lambda)
 {
 	linearise(b, w);
-	for (; *lambda < LAMBDA_MOST; *lambda *= 8) {
-		if (!step(b, w, *lambda))
+	while (*lambda < LAMBDA_MOST) {
+		const double cost = step(b, w, *lambda) ? cost_of(b, w, w->try_cameras, w->try_rods) : (double)INFINITY;
+		if (!(cost < b->cost)) {
+			*lambda *= 8;
 			continue;
-		const double cost = cost_of(b, w, w->try_cameras, w->try_rods);
-		if (!(cost < b->cost))
-			continue;
+		}
 		memcpy(b->cameras, w->try_cameras, b->n_cameras * sizeof(*b->cameras));
 		memcpy(b->rods, w->try_rods, b->n_rods * sizeof(*b->rods));
 		b->cost = cost;

@@ -39,9 +39,12 @@ static double robust_sigma(const struct bb_bundle *b)
 static enum bb_status narrow(struct bb_calibration *c, double from_px, double *sigma_px)
 {
 	enum bb_status status = BB_OK;
+	double px = from_px;
 
-	for (double px = from_px; !status && px > 1; px /= 2.5)
+	while (!status && px > 1) {
 		status = adjust(c, px, 12, 1e-3);
+		px /= 2.5;
+	}
 	*sigma_px = robust_sigma(&c->bundle);
 	if (!status)
 		status = adjust(c, fmax(1, 3 * *sigma_px), 12, 1e-4);

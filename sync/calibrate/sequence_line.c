@@ -18,6 +18,7 @@ static int word(struct cursor *c, char *out, size_t cap)
 {
 	size_t n = 0;
 
+	out[0] = 0;
 	while (c->at < c->end && (*c->at == ' ' || *c->at == '\t' || *c->at == '\r'))
 		c->at++;
 	for (; c->at < c->end && *c->at != ' ' && *c->at != '\t' && *c->at != '\r'; c->at++) {
@@ -48,6 +49,7 @@ static const char *numbers(struct cursor *c, size_t n, struct bb_sequence_line *
 	double more;
 
 	for (size_t i = 0; i < n; i++) {
+		out->number[i] = 0;
 		if (number(c, MOST_MM, &out->number[i]) != 1)
 			return n == 3 ? "three numbers in mm wanted" : "twelve numbers in mm wanted";
 		out->number[i] *= 1e-3;
@@ -57,7 +59,7 @@ static const char *numbers(struct cursor *c, size_t n, struct bb_sequence_line *
 
 static const char *sight(struct cursor *c, double t_s, struct bb_sequence_line *out)
 {
-	double x, y;
+	double x = 0, y = 0;
 	int found;
 
 	out->kind = BB_SEQUENCE_SIGHT;
@@ -81,7 +83,7 @@ const char *bb_sequence_line(const char *text, size_t n, struct bb_sequence_line
 {
 	struct cursor c = { text, text + n }, again = c;
 	char key[BB_ID_MAX], extra[BB_ID_MAX];
-	double t_s;
+	double t_s = 0;
 
 	out->kind = BB_SEQUENCE_NOTHING;
 	out->n = 0;
