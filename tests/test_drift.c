@@ -230,7 +230,7 @@ static void nonsense_is_survived(void **state)
 	(void)state;
 	bad.cameras = &camera;
 	assert_int_equal(bb_drift_create(&bad, &none), BB_ERR_CONFIG);
-	bad.noise_px = NAN;
+	bad.noise_px = (double)NAN;
 	assert_int_equal(bb_drift_create(&bad, &none), BB_ERR_USAGE);
 	assert_null(none);
 	bb_drift_destroy(NULL);
