@@ -116,8 +116,8 @@ const struct bb_room_section *bb_room_section(size_t i);
 
 /* Is a point inside the room: behind no wall, and between walls that face each other? slack_m widens the room. */
 bool bb_room_contains(const struct bb_room *room, struct bb_vec3 p, double slack_m);
-/* Does a camera have this point in its picture (behind nothing, lens distortion included)? */
-bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p);
+/* Does a camera have this point in its picture, margin_px within its edge (behind nothing, lens distortion included)? */
+bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p, double margin_px);
 
 /* Index by id; -1 when there is none. */
 int bb_room_node(const struct bb_room *room, const char *id);

@@ -248,8 +248,8 @@ static void a_room_says_what_its_lenses_are(void **state)
 	assert_int_equal(c->lens, BB_LENS_FISHEYE);
 	assert_true(fabs(c->fx_px - 320 / (PI / 3)) < 1e-9 && c->cx_px == 300 && c->cy_px == 250 && c->k4 == 0.001);
 	/* the right edge is 339 px off the axis: 63 degrees by the angle, 45 by its tangent */
-	assert_true(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 60 / 180), 1, 0 }));
-	assert_false(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 65 / 180), 1, 0 }));
+	assert_true(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 60 / 180), 1, 0 }, 0));
+	assert_false(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 65 / 180), 1, 0 }, 0));
 	bb_room_free(room);
 	room = room_from(ROOM("focal_px: 500, k3: -0.01, p1: 0.001, p2: -0.002"), &err);
 	assert_non_null(room);

@@ -146,7 +146,7 @@ static void the_cabin_is_covered(void **state)
 				const struct bb_vec3 p = { -1.4 + 0.28 * i, 0.4 + 0.2 * j, -1.4 + 0.28 * k };
 				size_t seen = 0;
 				for (size_t c = 0; c < room->n_cameras; c++)
-					seen += bb_camera_sees(&room->cameras[c], p);
+					seen += bb_camera_sees(&room->cameras[c], p, 0);
 				three += seen >= 3;
 				n++;
 				if (fabs(p.x) < 0.7 && fabs(p.z) < 0.7 && p.y > 0.9 && p.y < 1.95 && seen < least)
@@ -254,8 +254,8 @@ static void cameras_look_where_they_are_told(void **state)
 	assert_true(target.z > 1);   /* z forward */
 	assert_true(above.y < 0);    /* y down: what is higher has the smaller row */
 	near_to(above.x, 0, 1e-12);
-	assert_true(bb_camera_sees(c, (struct bb_vec3){ 0, 1, 0 }));
-	assert_false(bb_camera_sees(c, (struct bb_vec3){ -0.9, 1.9, -2 })); /* behind */
+	assert_true(bb_camera_sees(c, (struct bb_vec3){ 0, 1, 0 }, 0));
+	assert_false(bb_camera_sees(c, (struct bb_vec3){ -0.9, 1.9, -2 }, 0)); /* behind */
 	bb_room_free(room);
 }
 

@@ -47,11 +47,7 @@ static bool expected(const struct bb_camera_config *c, const struct bb_pose *bod
 	const struct bb_vec3 towards = bb_vec3_unit(bb_vec3_sub(c->pose.p, at), (struct bb_vec3){ 0, 1, 0 });
 	const struct bb_vec3 forward = bb_quat_rotate(body->q, (struct bb_vec3){ 0, 0, -1 });
 
-	if (p.z < 0.3 || p.z > 5 || bb_vec3_dot(forward, towards) < FACING)
-		return false;
-	const double x = c->fx_px * p.x / p.z + c->cx_px, y = c->fy_px * p.y / p.z + c->cy_px;
-	return x > IMAGE_MARGIN_PX && y > IMAGE_MARGIN_PX && x < (double)c->width_px - IMAGE_MARGIN_PX &&
-	       y < (double)c->height_px - IMAGE_MARGIN_PX;
+	return p.z >= 0.3 && p.z <= 5 && bb_vec3_dot(forward, towards) >= FACING && bb_camera_sees(c, at, IMAGE_MARGIN_PX);
 }
 
 static unsigned markers_expected(const struct bb_frame_loop *l, size_t cam, const struct bb_pose *body)

@@ -261,7 +261,7 @@ enum bb_status room_read_cameras(struct bb_reader *r, const struct bb_yaml_node 
 	return status;
 }
 
-bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p)
+static bool pixel_of(const struct bb_camera_config *camera, struct bb_vec3 p, double px[2])
 {
 	const struct bb_vec3 c = bb_pose_inverse_apply(&camera->pose, p);
 
@@ -276,6 +276,15 @@ bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p)
 	const double f = r > 0 ? radial(camera, t) / r : 1;
 	const double xd = x * f + 2 * camera->p1 * x * y + camera->p2 * (r * r + 2 * x * x);
 	const double yd = y * f + camera->p1 * (r * r + 2 * y * y) + 2 * camera->p2 * x * y;
-	const double x_px = camera->cx_px + camera->fx_px * xd, y_px = camera->cy_px + camera->fy_px * yd;
-	return x_px >= 0 && y_px >= 0 && x_px <= (double)(camera->width_px - 1) && y_px <= (double)(camera->height_px - 1);
+	px[0] = camera->cx_px + camera->fx_px * xd;
+	px[1] = camera->cy_px + camera->fy_px * yd;
+	return true;
+}
+
+bool bb_camera_sees(const struct bb_camera_config *camera, struct bb_vec3 p, double margin_px)
+{
+	double px[2];
+
+	return pixel_of(camera, p, px) && px[0] >= margin_px && px[1] >= margin_px &&
+	       px[0] <= (double)(camera->width_px - 1) - margin_px && px[1] <= (double)(camera->height_px - 1) - margin_px;
 }

@@ -319,7 +319,7 @@ static void lint_coverage(struct sink *s, const struct bb_room *room)
 	size_t seen = 0;
 
 	for (size_t i = 0; i < room->n_cameras; i++)
-		seen += bb_camera_sees(&room->cameras[i], room->neutral);
+		seen += bb_camera_sees(&room->cameras[i], room->neutral, 0);
 	if (seen < wanted)
 		find(s, 1159, 0, "room: %zu of %zu cameras see the neutral point [%.3f, %.3f, %.3f] m", seen, room->n_cameras,
 		     room->neutral.x, room->neutral.y, room->neutral.z);
