@@ -4,6 +4,7 @@
 #include "bench/result.h"
 
 #include "bench/file.h"
+#include "bench/latency.h"
 
 #include <math.h>
 #include <stdarg.h>
@@ -142,6 +143,19 @@ static void print_budget(FILE *f, const struct bb_budget_result *b, bool colour)
 	        bb_verdict_text(b->verdict), colour ? "\033[0m" : "", cause);
 }
 
+/* What the report shows as a picture, in two lines: where the time goes, and what prediction makes of it. */
+static void print_latency(FILE *f, const struct bb_run_result *r)
+{
+	struct bb_latency l;
+
+	if (!bb_latency_of(r, &l) || !l.n)
+		return;
+	fprintf(f, "\n  head to photon: %s\n", l.attack);
+	if (l.prediction.n)
+		fprintf(f, "  prediction: eyes at the photon %.2f mm and %.2f deg rms off; unpredicted %.1f mm, %.2f deg\n",
+		        l.prediction.with_mm, l.prediction.with_deg, l.prediction.without_mm, l.prediction.without_deg);
+}
+
 void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colour)
 {
 	FILE *f = stream_FILE;
@@ -155,6 +169,7 @@ void bb_result_print(const struct bb_run_result *r, void *stream_FILE, bool colo
 	fprintf(f, "  %-22s %15s %-8s %-10s %-12s %s\n", "budget", "value", "", "limit", "verdict", "cause");
 	for (size_t i = 0; i < r->n_budgets; i++)
 		print_budget(f, &r->budgets[i], colour);
+	print_latency(f, r);
 	for (size_t i = 0; i < r->n_faults; i++) {
 		char text[160];
 		bb_text_clean(text, sizeof(text), r->faults[i].text);
