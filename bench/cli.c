@@ -94,13 +94,27 @@ static const struct bb_command *find(const struct bb_command *const *commands, i
 	return best;
 }
 
+/* "track" of "track serve", "track coverage" ...: their second words, in a row; false where there are none. */
+static bool second_words(const struct bb_command *const *commands, const char *first, char *row, size_t cap)
+{
+	const size_t n = strlen(first);
+	size_t at = 0;
+
+	for (; *commands && at < cap; commands++)
+		if (!strncmp((*commands)->name, first, n) && (*commands)->name[n] == ' ')
+			at += (size_t)snprintf(row + at, cap - at, "%s%s", at ? ", " : "", (*commands)->name + n + 1);
+	return at > 0;
+}
+
 static enum bb_status no_such_command(const struct bb_command *const *commands, int argc, const char *const *argv,
                                       struct bb_error *err)
 {
 	const char *best = NULL;
 	size_t distance = 0;
-	char two[96];
+	char two[96], words[160];
 
+	if (argc == 1 && second_words(commands, argv[0], words, sizeof(words)))
+		return bb_fail(err, BB_ERR_USAGE, 1703, NULL, "'%.40s' wants one of %s", argv[0], words);
 	bb_text_format(two, sizeof(two), "%.40s %.40s", argv[0], argc > 1 ? argv[1] : "");
 	for (; *commands; commands++)
 		nearer(words_of((*commands)->name) == 2 ? two : argv[0], (*commands)->name, &best, &distance);

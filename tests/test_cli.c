@@ -80,6 +80,7 @@ static void test_bad(void **state)
 	(void)state;
 	BAD(1703, "did you mean 'run'", "rnu");
 	BAD(1703, "did you mean 'room check'", "room", "chek", "x");
+	BAD(1703, "'room' wants one of check, draw", "room");
 	BAD(1703, "did you mean 'doctor'", "docter");
 	BAD(1703, "'xyzzy'", "xyzzy");
 	BAD(1703, "''", "");
