@@ -395,8 +395,8 @@ static void help_all(const struct bb_command *const *commands, FILE *out)
 	fprintf(out, "blackburst: brings up, proves and regression-tests immersive display rooms\n\n"
 	             "usage: blackburst COMMAND [ARGUMENTS] [--OPTION VALUE]...\n\ncommands:\n");
 	for (; *commands; commands++)
-		fprintf(out, "  %-14s %s\n", (*commands)->name, (*commands)->line);
-	fprintf(out, "  %-14s %s\n", "help", "this page, or `help COMMAND`");
+		fprintf(out, "  %-15s %s\n", (*commands)->name, (*commands)->line);
+	fprintf(out, "  %-15s %s\n", "help", "this page, or `help COMMAND`");
 	fprintf(out,
 	        "\nexit codes: 0 ok, 1 a check or budget failed, 2 usage or configuration, 3 internal, 4 device lost,\n"
 	        "            5 no baseline, 6 inconclusive, 77 skipped\n");

@@ -116,6 +116,6 @@ static const struct bb_cli_option options[] = {
 };
 
 const struct bb_command bb_cmd_phase = { "phase",
-	                                 "Plan when shutters, glasses, tokens and strobes act, or say what stops it",
+	                                 "plan when shutters, glasses, tokens and strobes act, or say what stops it",
 	                                 "ROOM [--limit-percent X] [--measured FILE] [--trade] [--svg FILE] [--png FILE] [--json]",
 	                                 options, 1, 1, run_phase };

@@ -132,8 +132,8 @@ static const struct bb_cli_option sense_table[] = {
 };
 
 const struct bb_command bb_cmd_phase_measure = { "phase measure",
-	                                         "Phase, skew, eye order and crosstalk from what light sensors recorded",
+	                                         "phase, skew, eye order and crosstalk from what light sensors recorded",
 	                                         "FILE.csv|DIR [--room ROOM] [--png FILE] [--json]", measure_options,
 	                                         1, 1, run_measure };
-const struct bb_command bb_cmd_phase_sense = { "phase sense", "What light sensors would record in a simulated room",
+const struct bb_command bb_cmd_phase_sense = { "phase sense", "what light sensors would record in a simulated room",
 	                                       "ROOM --out FILE.csv [--png-frames DIR]", sense_table, 1, 1, run_sense };

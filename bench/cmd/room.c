@@ -61,7 +61,7 @@ static const struct bb_cli_option draw_options[] = {
 	{ NULL, NULL, NULL },
 };
 
-const struct bb_command bb_cmd_room_check = { "room check",  "Load a room, summarise it and judge its geometry",
+const struct bb_command bb_cmd_room_check = { "room check",  "load a room, summarise it and judge its geometry",
 	                                      "ROOM [--json]", check_options, 1, 1, run_check };
-const struct bb_command bb_cmd_room_draw = { "room draw", "Draw a room to scale from above and from the side",
+const struct bb_command bb_cmd_room_draw = { "room draw", "draw a room to scale from above and from the side",
 	                                     "ROOM [--out FILE.svg|FILE.png]", draw_options, 1, 1, run_draw };

@@ -183,5 +183,5 @@ static const struct bb_cli_option options[] = {
 	{ NULL, NULL, NULL },
 };
 
-const struct bb_command bb_cmd_track_align = { "track align", "Tracker space onto the walls, from touched corners",
+const struct bb_command bb_cmd_track_align = { "track align", "tracker space onto the walls, from touched corners",
 	                                       "ROOM --touched FILE [--out FILE] [--json]", options, 1, 1, run };

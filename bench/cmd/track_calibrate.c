@@ -192,6 +192,6 @@ static const struct bb_cli_option options[] = {
 };
 
 const struct bb_command bb_cmd_track_calibrate = { "track calibrate",
-	                                           "Lenses, places and directions of cameras from a wand dance",
+	                                           "lenses, places and directions of cameras from a wand dance",
 	                                           "ROOM --sequence FILE|--simulate [--out FILE] [--png FILE] [--json]",
 	                                           options, 1, 1, run };

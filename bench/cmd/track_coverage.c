@@ -282,5 +282,5 @@ static const struct bb_cli_option options[] = {
 	{ NULL, NULL, NULL },
 };
 
-const struct bb_command bb_cmd_track_coverage = { "track coverage", "Say and draw where cameras see a marker, and how well",
+const struct bb_command bb_cmd_track_coverage = { "track coverage", "say and draw where cameras see a marker, and how well",
 						  "ROOM [--out DIR] [options]", options, 1, 1, run };

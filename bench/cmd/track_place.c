@@ -293,6 +293,6 @@ static const struct bb_cli_option options[] = {
 	{ NULL, NULL, NULL },
 };
 
-const struct bb_command bb_cmd_track_place = { "track place", "Find where cameras see the weakest part of a room best",
+const struct bb_command bb_cmd_track_place = { "track place", "find where cameras see the weakest part of a room best",
 					       "ROOM [--rails FILE] [--cameras N] [--out ROOM.yaml] [options]",
 					       options, 1, 1, run };
