@@ -381,7 +381,7 @@ static void polish_returns_from_a_rough_start(void **state)
 				double px[2];
 				if (!scene_pixel(&s.cameras[c], at, px))
 					continue;
-				obs[p.n_obs++] = (struct bb_track_obs){ c, 0, m, dt_s, px[0], px[1] };
+				obs[p.n_obs++] = (struct bb_track_obs){ .camera = c, .marker = m, .dt_s = dt_s, .x_px = px[0], .y_px = px[1] };
 			}
 		p.pose = (struct bb_pose){ bb_vec3_add(truth.p, any_point(&r, 0.05)),
 					   bb_quat_mul(bb_quat_exp(any_point(&r, 0.17)), truth.q) };
