@@ -70,6 +70,17 @@ static void send(struct bb_follow *f, unsigned from, unsigned to, const struct f
 		bb_result_count(f->loop->result, "messages_refused", 1);
 }
 
+/* A planted crystal's clock against the kernel's, read within a moment of each other. */
+static int64_t off_by_ns(const struct bb_clock *clk)
+{
+	for (int i = 0; i < 5; i++) {
+		const int64_t before_ns = bb_clock_stopwatch_ns(), now_ns = bb_clock_now_ns(clk);
+		if (bb_clock_stopwatch_ns() - before_ns < 20000)
+			return now_ns - (before_ns - bb_clock_zero_ns(clk));
+	}
+	return 0;
+}
+
 static int64_t ask(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 {
 	struct bb_follow *f = bb_container_of(timer, struct bb_follow, ask);
@@ -82,7 +93,7 @@ static int64_t ask(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)
 	const struct follow_message m = { .kind = KIND, .node = f->node,
 		                          .planted = fabs(f->loop->options->plant_crystal_ppm) > 0, .t1_ns = own_ns, .rate_ppb = f->servo.given_ppb,
 		                          .uncertainty_ns = bb_servo_uncertainty_ns(&f->servo, own_ns),
-		                          .off_ns = bb_clock_now_ns(clk) - (bb_clock_stopwatch_ns() - bb_clock_zero_ns(clk)),
+		                          .off_ns = off_by_ns(clk),
 		                          .exchanges = f->exchanges, .outliers = (uint32_t)f->fit.n_outliers };
 	send(f, f->node, bb_loop_head(f->loop), &m);
 	return now_ns + (f->exchanges < FIRST ? ASK_FIRST_NS : ASK_NS);
