@@ -34,8 +34,6 @@ follow() {
 	"$program" node $room $pattern --nodes 2 --join "$to" --token-file "$work/token" --duration 10 --plant-crystal-ppm 400
 	wait $pid_follow
 }
-follow &
-following=$!
 
 # Three runs at once, each disturbed when its scene has begun.
 disturb() { # NAME...
@@ -104,6 +102,9 @@ check "the head dies: nobody outlives it" gone $pids_dead
 wait $pid_posix
 check "120 Hz in four processes: frames, and none refused" [ "$(field "$work/posix/result.json" "r['counters']['frames'] >= 48 and r['counters']['packets_refused'] == 0 and 'processes_lost' not in r['counters']")" = True ]
 check "120 Hz: lateness stands beside the timer's floor" [ "$(grep -c 'wakes: p50' "$work/posix.txt")" = 4 ]
+
+follow &
+following=$!
 
 # Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many
 $run --link zmq --wait --token-file "$work/token" --duration 2 --out "$work/hand" >/dev/null 2>"$work/err" &
