@@ -60,7 +60,8 @@ static size_t lay_lights(const struct row *r, size_t n, struct sim_rng *rng, str
 	for (size_t i = 0; i < n; i++) {
 		const double w = (double)r->width / (double)side, h = (double)r->height / (double)side;
 		const double x = ((double)(i % side) + 0.3 + 0.4 * sim_rng_uniform(rng)) * w;
-		const double y = ((double)(i / side) + 0.3 + 0.4 * sim_rng_uniform(rng)) * h;
+		const size_t row = i / side;
+		const double y = ((double)row + 0.3 + 0.4 * sim_rng_uniform(rng)) * h;
 		out[i] = (struct sim_light){ x, y, x, y, 1.5, 220, 0, false };
 	}
 	return n;

@@ -86,7 +86,7 @@ enum bb_status bb_seeing_read(struct bb_seeing *s, size_t camera, struct bb_came
 {
 	frame->grey = s && s->finder[camera] ? s->grey : NULL;
 	const enum bb_status status = bb_camera_read(cam, frame);
-	if (status == BB_OK && frame->has_grey)
+	if (status == BB_OK && s && frame->has_grey)
 		look(s, camera, frame);
 	return status;
 }

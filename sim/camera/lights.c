@@ -110,7 +110,7 @@ bool sim_lights_see(const struct sim_eye *eye, struct sim_light *out, size_t cap
 	bool fits = true;
 
 	*n_out = 0;
-	for (size_t k = 0; k < (mirror > 0 ? 2 * n : n); k++) {
+	for (size_t k = 0; n && k < (mirror > 0 ? 2 * n : n); k++) {
 		if (!see_one(eye, k % n, k >= n, k >= n ? fmin(mirror, 1) : 1, &light))
 			continue;
 		fits &= *n_out < cap;

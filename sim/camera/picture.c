@@ -164,7 +164,7 @@ static double half_disc(double y)
 /* A disc in strips of equal height, each as wide as gives it its area. */
 static void add_disc(struct sim_picture *p, const struct box *b, double x, double y, double r, double grey)
 {
-	double across[2 * SPOT_PX_MAX + 4], down[2 * SPOT_PX_MAX + 4];
+	double across[2 * SPOT_PX_MAX + 4] = { 0 }, down[2 * SPOT_PX_MAX + 4] = { 0 };
 	const double tall = 2 * r / STRIPS;
 
 	for (int i = 0; i < STRIPS; i++) {
@@ -186,7 +186,7 @@ void sim_disc_point(unsigned i, double *x, double *y)
 /* A disc of which something hides a part: squares of its light at the points that are seen. */
 static void add_points(struct sim_picture *p, const struct box *b, double cx, double cy, const struct sim_light *l, double grey)
 {
-	double across[2 * SPOT_PX_MAX + 4], down[2 * SPOT_PX_MAX + 4];
+	double across[2 * SPOT_PX_MAX + 4] = { 0 }, down[2 * SPOT_PX_MAX + 4] = { 0 };
 	const double half = l->radius_px * sqrt(3.14159265358979323846 / SIM_DISC_POINTS) / 2;
 
 	for (unsigned i = 0; i < SIM_DISC_POINTS; i++) {

@@ -171,7 +171,7 @@ static void add_run(struct bb_blob_finder *f, struct bb_blobs_part *p, const uin
 		return;
 	for (uint32_t x = r->begin; x < r->end; x++) {
 		const int level = row[x];
-		const uint64_t v = (uint64_t)(level - f->config.low + 1), k = x - r->begin;
+		const uint64_t v = (uint64_t)level - (uint64_t)f->config.low + 1, k = x - r->begin;
 		w += v;
 		wk += v * k;
 		wkk += v * k * k;

@@ -187,7 +187,7 @@ static struct choice nearest(const struct search *s, double *percent_out)
 		}
 	/* Each delay with its own best opening: what one band gains another loses, and the floor runs aslant. */
 	const double low = fmax(best.open / factor / factor, s->least), high = fmin(best.open * factor * factor, s->most);
-	for (; span > 1; span /= 2) {
+	while (span > 1) {
 		const double centre = best.at;
 
 		for (int i = -2; i <= 2; i++) {
@@ -199,6 +199,7 @@ static struct choice nearest(const struct search *s, double *percent_out)
 				best = (struct choice){ at, open, 0 };
 			}
 		}
+		span /= 2;
 	}
 	*percent_out = least;
 	return best;
