@@ -54,6 +54,12 @@ printf '# one rail\n-1.4 2.2 -1.4 1.4 2.2 -1.4\n' >"$work/rails"
 check "three cameras on a rail of one's own" [ "$(field "$work/r.json" "(len(r['cameras']) == 3 and
 	all([round(v, 9) for v in c['position_m'][1:]] == [2.2, -1.4] for c in r['cameras']))")" = True ]
 
+"$program" track place rooms/cabin.yaml --cameras 24 --voxel-mm 300 --grid-mm 700 --tries 1 --sweeps 1 --body none --json >"$work/m.json"
+check "cameras that are added hang apart" [ "$(field "$work/m.json" "(lambda p: min(sum((a - b) ** 2 for a, b in zip(x, y)) ** 0.5
+	for i, x in enumerate(p) for y in p[:i]))([c['position_m'] for c in r['cameras']]) >= 0.15")" = True ]
+check "no room for eight cameras 10 m apart" refused 1757 track place rooms/cabin.yaml --voxel-mm 300 --grid-mm 700 --tries 1 \
+	--sweeps 1 --apart-mm 10000
+
 # What would change more than poses is not written.
 sed 's/{id: c3, /{id: c3, noise_px: 0.2, /' rooms/cabin.yaml >"$work/own.yaml"
 check "a camera with keys of its own" refused 1758 track place "$work/own.yaml" --voxel-mm 300 --grid-mm 700 --tries 1 \

@@ -72,7 +72,8 @@ enum bb_status bb_rearrange(const struct bb_place_config *config, unsigned tries
 		bb_parallel(threads, tries, one_try, &t);
 	for (size_t i = 0; i < tries && !status; i++) {
 		status = t.status[i];
-		if (!status && t.placed[i].reached > t.placed[best].reached)
+		if (!status && t.placed[i].apart >= t.placed[best].apart &&
+		    (t.placed[i].apart > t.placed[best].apart || t.placed[i].reached > t.placed[best].reached))
 			best = i;
 	}
 	if (!status)
@@ -81,8 +82,12 @@ enum bb_status bb_rearrange(const struct bb_place_config *config, unsigned tries
 	free(t.status);
 	if (status == BB_ERR_NOMEM)
 		return bb_fail(err, status, 1702, NULL, "%u tries", tries);
-	return status ? bb_fail(err, status, 1757, NULL, "%zu rails, a grid of %g mm", config->n_rails, 1e3 * config->step_m)
-		      : BB_OK;
+	if (status)
+		return bb_fail(err, status, 1757, NULL, "%zu rails, a grid of %g mm", config->n_rails, 1e3 * config->step_m);
+	if (!out->apart)
+		return bb_fail(err, BB_ERR_CONFIG, 1757, NULL, "the rails have no room for %zu cameras %g mm apart",
+			       config->cover.n_cameras, 1e3 * config->apart_m);
+	return BB_OK;
 }
 
 /* ---- files ---- */

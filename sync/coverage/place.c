@@ -76,7 +76,8 @@ size_t bb_rails_of_room(const struct bb_room *room, double inset_m, double below
 	return n;
 }
 
-struct bb_pose bb_place_pose(struct bb_vec3 at, double heading_rad, double elevation_rad)
+/* Looks from a point along a heading about +Y and an elevation, upright. */
+static struct bb_pose aim(struct bb_vec3 at, double heading_rad, double elevation_rad)
 {
 	const struct bb_vec3 ahead = { -sin(heading_rad) * cos(elevation_rad), sin(elevation_rad),
 				       -cos(heading_rad) * cos(elevation_rad) };
@@ -133,7 +134,7 @@ static struct place place_towards(const struct search *s, double way_m, struct b
 
 static struct bb_pose pose_of(const struct search *s, const struct place *p)
 {
-	return bb_place_pose(on_rails(s, p->way_m), p->heading_rad, p->elevation_rad);
+	return aim(on_rails(s, p->way_m), p->heading_rad, p->elevation_rad);
 }
 
 /* ---- what a camera sees of the grid ---- */
@@ -228,11 +229,12 @@ static double score_with(struct search *s, const struct cell *cells)
 
 /* ---- the search ---- */
 
-static bool has_room(const struct search *s, size_t camera, double way_m)
+/* Is a camera at this place far enough from the others among the first n? */
+static bool has_room(const struct search *s, size_t n, size_t camera, double way_m)
 {
 	const struct bb_vec3 p = on_rails(s, way_m);
 
-	for (size_t c = 0; c < s->n_cameras; c++)
+	for (size_t c = 0; c < n; c++)
 		if (c != camera && bb_vec3_norm(bb_vec3_sub(p, on_rails(s, s->at[c].way_m))) < s->config->apart_m)
 			return false;
 	return true;
@@ -242,7 +244,7 @@ static bool probe(struct search *s, size_t camera, struct place p)
 {
 	p.elevation_rad = fmin(fmax(p.elevation_rad, -STEEPEST), STEEPEST);
 	p.way_m = fmod(p.way_m + s->way_m, s->way_m); /* round the room, where the rails close */
-	if (fabs(p.way_m - s->at[camera].way_m) > 1e-9 && !has_room(s, camera, p.way_m))
+	if (fabs(p.way_m - s->at[camera].way_m) > 1e-9 && !has_room(s, s->n_cameras, camera, p.way_m))
 		return false;
 	look(s, camera, &p, s->trial);
 	const double score = score_with(s, s->trial);
@@ -319,7 +321,7 @@ static void kick(struct search *s)
 
 	do
 		p = anywhere(s, uniform(s) * s->way_m);
-	while (!has_room(s, camera, p.way_m) && ++tries < 100);
+	while (!has_room(s, s->n_cameras, camera, p.way_m) && ++tries < 100);
 	base_without(s, camera);
 	s->at[camera] = p;
 	look(s, camera, &p, s->cell + camera * s->n_points);
@@ -350,6 +352,22 @@ static void seek(struct search *s)
 
 /* ---- begin and end ---- */
 
+/* The next place along the way that is far enough from the cameras before this one: those that were added all begin as the
+ * first. As it was when there is none. */
+static double make_room(const struct search *s, size_t camera, double way_m)
+{
+	const size_t steps = 4 * s->n_cameras;
+
+	if (has_room(s, camera, camera, way_m))
+		return way_m;
+	for (size_t i = 1; i < steps; i++) {
+		const double at_m = fmod(way_m + (double)i / (double)steps * s->way_m, s->way_m);
+		if (has_room(s, camera, camera, at_m))
+			return at_m;
+	}
+	return way_m;
+}
+
 static void begin_anywhere(struct search *s, unsigned index)
 {
 	const struct bb_place_config *k = s->config;
@@ -358,7 +376,8 @@ static void begin_anywhere(struct search *s, unsigned index)
 	for (size_t c = 0; c < s->n_cameras; c++) {
 		const struct bb_pose *own = &k->cover.cameras[c].pose;
 		if (index == 0)
-			s->at[c] = place_towards(s, nearest_way(s, own->p), bb_pose_apply(own, (struct bb_vec3){ 0, 0, 1.5 }));
+			s->at[c] = place_towards(s, make_room(s, c, nearest_way(s, own->p)),
+						 bb_pose_apply(own, (struct bb_vec3){ 0, 0, 1.5 }));
 		else
 			s->at[c] = anywhere(s, ((double)c + shift) / (double)s->n_cameras * s->way_m);
 	}
@@ -437,6 +456,9 @@ enum bb_status bb_place_try(const struct bb_place_config *config, unsigned index
 	seek(&s);
 	out->reached = s.score;
 	out->n_probes = s.n_probes;
+	out->apart = true;
+	for (size_t c = 0; c < s.n_cameras; c++)
+		out->apart &= has_room(&s, c, c, s.at[c].way_m);
 	for (size_t c = 0; c < s.n_cameras; c++)
 		out->pose[c] = pose_of(&s, &s.at[c]);
 	finish(&s);

@@ -38,6 +38,7 @@ struct bb_place_config {
 struct bb_placed {
 	struct bb_pose pose[BB_COVERAGE_CAMERAS_MAX];
 	double begun, reached;   /* what is sought, 1 / m */
+	bool apart;              /* any two cameras are; false: the rails have no room for them, or none was found */
 	uint64_t n_probes;
 };
 
@@ -45,7 +46,5 @@ struct bb_placed {
 size_t bb_rails_of_room(const struct bb_room *room, double inset_m, double below_m, struct bb_rail *out, size_t cap);
 /* BB_ERR_CONFIG: no rails, no volume, or a grid above BB_PLACE_GRID_MAX; BB_ERR_NOMEM. */
 BB_MUST_CHECK enum bb_status bb_place_try(const struct bb_place_config *config, unsigned index, struct bb_placed *out);
-/* Looks from a point along a heading about +Y and an elevation, upright. */
-struct bb_pose bb_place_pose(struct bb_vec3 at, double heading_rad, double elevation_rad);
 
 #endif
