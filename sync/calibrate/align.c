@@ -69,7 +69,6 @@ static bool find_markers(const struct bb_calibrate_config *config, struct bb_cal
 			rays &= bb_lens_ray(&lens, px[m][0], px[m][1], &ray);
 			sights[m][n] = (struct bb_sight){ lens.o, ray.d, ray.sigma_rad };
 		}
-		c->report[i].in_square = rays;
 		n += rays;
 	}
 	c->square_cameras = n;

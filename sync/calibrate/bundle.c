@@ -68,7 +68,8 @@ void bb_bundle_move_camera(struct bb_camera_config *c, const double d[NC])
 	c->pose.p = bb_vec3_add(c->pose.p, (struct bb_vec3){ d[8], d[9], d[10] });
 }
 
-struct bb_vec3 bb_rod_marker(const struct bb_bundle *b, const struct bb_rod *rod, unsigned marker)
+/* Room point of a rod's marker. */
+static struct bb_vec3 marker_of(const struct bb_bundle *b, const struct bb_rod *rod, unsigned marker)
 {
 	return bb_vec3_add(rod->p, bb_vec3_scale(rod->u, b->along_m[marker]));
 }
@@ -91,7 +92,7 @@ static void by_lens(const struct bb_lens *lens, double x, double y, double d[2][
 static bool derive(const struct bb_bundle *b, const struct bb_lens *lens, const struct bb_rod *rod, unsigned marker,
                    double px[2], double jc[2][NC], double jr[2][NR])
 {
-	const struct bb_vec3 p = bb_rod_marker(b, rod, marker), q = bb_vec3_sub(p, lens->o);
+	const struct bb_vec3 p = marker_of(b, rod, marker), q = bb_vec3_sub(p, lens->o);
 	double jac[2][3], k[2][2], c[3];
 	struct bb_vec3 e1, e2;
 
@@ -188,7 +189,7 @@ static double cost_of(const struct bb_bundle *b, struct work *w, const struct bb
 		double square = BLIND_PX * BLIND_PX;
 		if (o->out)
 			continue;
-		if (bb_lens_project(&w->lenses[o->camera], bb_rod_marker(b, &rods[o->rod], o->marker), px))
+		if (bb_lens_project(&w->lenses[o->camera], marker_of(b, &rods[o->rod], o->marker), px))
 			square = (px[0] - o->px[0]) * (px[0] - o->px[0]) + (px[1] - o->px[1]) * (px[1] - o->px[1]);
 		sum += loss(b, square);
 	}
@@ -458,7 +459,7 @@ enum bb_status bb_bundle_residuals(struct bb_bundle *b)
 	}
 	for (size_t i = 0; i < b->n_obs; i++) {
 		struct bb_bundle_obs *o = &b->obs[i];
-		const bool seen = bb_lens_project(&lenses[o->camera], bb_rod_marker(b, &b->rods[o->rod], o->marker), px);
+		const bool seen = bb_lens_project(&lenses[o->camera], marker_of(b, &b->rods[o->rod], o->marker), px);
 		for (int k = 0; k < 2; k++)
 			o->off_px[k] = seen ? (float)(o->px[k] - px[k]) : NAN;
 	}

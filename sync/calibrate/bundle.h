@@ -53,8 +53,6 @@ struct bb_bundle {
 BB_MUST_CHECK enum bb_status bb_bundle_run(struct bb_bundle *b, unsigned most_steps, double tolerance);
 /* Fills off_px of every observation, those that are out, too. */
 BB_MUST_CHECK enum bb_status bb_bundle_residuals(struct bb_bundle *b);
-/* Room point of a rod's marker. */
-struct bb_vec3 bb_rod_marker(const struct bb_bundle *b, const struct bb_rod *rod, unsigned marker);
 
 /* For tests: projection and its derivatives by the camera's 11 (f, cx, cy, k1, k2, turn in camera axes, position) and the
  * rod's 5 unknowns. false: it cannot be projected. */

@@ -72,7 +72,7 @@ static void leave_out(struct bb_calibration *c, double most_px)
 	}
 }
 
-/* A wand that is left with less than 5 coordinates, or one camera, says nothing; its markers go, too. */
+/* A wand that is left with fewer than four markers, or one camera, says next to nothing; its markers go, too. */
 static void drop_weak_rods(struct bb_calibration *c)
 {
 	struct bb_bundle *b = &c->bundle;

@@ -26,7 +26,7 @@ struct bb_calibrate_camera {
 	size_t n_used, n_out;  /* markers */
 	double rms_px;         /* per coordinate, corrected for degrees of freedom */
 	double covered;        /* share of 8 x 6 parts of its picture that a used marker lies in */
-	bool knocked, in_square; /* in_square: its pictures of the square count */
+	bool knocked;
 	int64_t knocked_ns;    /* on the sequence's clock */
 	double knock_px;       /* by how much its picture moved, about */
 };
