@@ -72,6 +72,10 @@ done
 check "no rails file" refused 1001 track place rooms/cabin.yaml --rails "$work/nowhere"
 
 check "a voxel of nothing" refused 1704 track coverage rooms/cabin.yaml --voxel-mm 0
+check "half a thread" refused 1704 track coverage rooms/cabin.yaml --threads 2.5
+check "half a camera" refused 1704 track place rooms/cabin.yaml --cameras 2.5
+"$program" track coverage rooms/cabin.yaml --voxel-mm 500 --least-px 1000 --monte-carlo --json >"$work/n.json"
+check "nothing to try is told as that" [ "$? $(field "$work/n.json" "r['monte_carlo']['points']")" = "1 0" ]
 check "a voxel of nan" refused 1704 track coverage rooms/cabin.yaml --voxel-mm nan
 check "10^10 voxels" refused 1751 track coverage rooms/cabin.yaml --voxel-mm 1
 check "a box outside" refused 1751 track coverage rooms/cabin.yaml --box 5:0:5:6:1:6

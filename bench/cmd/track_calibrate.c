@@ -38,9 +38,9 @@ static enum bb_status simulate(struct job *j, struct bb_error *err)
 	if (!status)
 		status = bb_cli_number(j->cli, "outliers", 0, 0, 40, &percent, err);
 	if (!status)
-		status = bb_cli_number(j->cli, "cameras", (double)j->room->n_cameras, 2, 256, &cameras, err);
+		status = bb_cli_whole(j->cli, "cameras", (double)j->room->n_cameras, 2, 256, &cameras, err);
 	if (!status)
-		status = bb_cli_number(j->cli, "seed", 1, 0, 9007199254740992.0, &seed, err);
+		status = bb_cli_whole(j->cli, "seed", 1, 0, 9007199254740992.0, &seed, err);
 	if (!status)
 		status = camera_named(j->room, bb_cli_get(j->cli, "knock", NULL), &c.knocked, err);
 	if (status)

@@ -42,12 +42,13 @@ enum bb_status bb_cover_wish(const struct bb_cli *cli, double voxel_mm, struct b
 			{ "least-px", 1, 0, 1000 },		{ "noise-px", 0, 0, 100 },
 			{ "headings", 16, 1, BB_COVERAGE_HEADINGS_MAX },
 			{ "threads", bb_parallel_processors(), 1, BB_PARALLEL_MOST } };
+	enum { WHOLE_FROM = 4 };
 	double v[BB_ARRAY_LEN(numbers)];
 
 	*out = (struct bb_cover_wishes){ 0 };
 	for (size_t i = 0; i < BB_ARRAY_LEN(numbers); i++) {
-		const enum bb_status status = bb_cli_number(cli, numbers[i].name, numbers[i].usual, numbers[i].least,
-							    numbers[i].most, &v[i], err);
+		const enum bb_status status = (i < WHOLE_FROM ? bb_cli_number : bb_cli_whole)(
+			cli, numbers[i].name, numbers[i].usual, numbers[i].least, numbers[i].most, &v[i], err);
 		if (status)
 			return status;
 	}
@@ -114,7 +115,7 @@ struct job {
 	struct bb_cover cover;
 	enum bb_coverage_body body;
 	struct levels told, drawn;
-	double height_m;
+	double height_m, seed;
 	struct bb_cover_summary summary[BB_COVERAGE_BODIES];
 };
 
@@ -176,19 +177,18 @@ static enum bb_status write_all(const struct job *j, struct bb_error *err)
 static int tell_trial(const struct job *j, json_t *root)
 {
 	struct bb_cover_trial t;
-	double seed;
-	struct bb_error err = { 0 };
-	const enum bb_status status = bb_cli_number(j->cli, "seed", 1, 0, 9e15, &seed, &err);
 
-	if (status)
-		return bb_cli_fail(status, &err);
-	bb_cover_trial(&j->cover, 200, 1000, (uint64_t)seed, &t);
-	if (root)
+	bb_cover_trial(&j->cover, 200, 1000, (uint64_t)j->seed, &t);
+	if (root && !t.n_points)
+		json_object_set_new(root, "monte_carlo", json_pack("{s:i}", "points", 0));
+	else if (root)
 		json_object_set_new(root, "monte_carlo",
 				    json_pack("{s:I, s:I, s:I, s:I, s:f, s:f, s:f, s:f}", "points", (json_int_t)t.n_points,
 					      "samples", (json_int_t)t.n_samples, "within_10_percent", (json_int_t)t.n_within,
 					      "refused", (json_int_t)t.n_refused, "least_ratio", t.least_ratio, "most_ratio",
 					      t.most_ratio, "mean_ratio", t.mean_ratio, "rms_deviation", t.rms_deviation));
+	else if (!t.n_points)
+		printf("\nMonte Carlo: nowhere a position to try\n");
 	else
 		printf("\nMonte Carlo: %zu points x %zu samples through lens and triangulation, %.1f cameras a point: measured "
 		       "over\nexpected error %.3f on average (%.3f to %.3f), %zu of %zu points within 10 %%, %zu samples "
@@ -227,6 +227,8 @@ static enum bb_status read_options(struct job *j, struct bb_cover_wishes *w, str
 		status = read_levels(at_least ? at_least : PICTURES_USUAL, BB_COVER_LEVELS_MAX, &j->drawn, err);
 	if (!status)
 		status = bb_cli_number(j->cli, "height-m", 1.6, -100, 100, &j->height_m, err);
+	if (!status)
+		status = bb_cli_whole(j->cli, "seed", 1, 0, 9e15, &j->seed, err);
 	j->drawn.n = j->drawn.n < BB_COVER_CLOUDS_MAX ? j->drawn.n : BB_COVER_CLOUDS_MAX;
 	return status;
 }

@@ -41,13 +41,14 @@ static enum bb_status read_numbers(struct job *j, struct bb_error *err)
 	const struct {
 		const char *name;
 		double usual, least, most, *out;
-	} numbers[] = { { "tries", 4, 1, 1000, &j->tries },	  { "sweeps", 300, 1, 10000, &j->sweeps },
-			{ "grid-mm", 0, 50, 2000, &j->grid_mm },  { "cameras", 0, 1, BB_COVERAGE_CAMERAS_MAX, &j->n_cameras },
-			{ "apart-mm", 150, 0, 10000, &j->apart_mm }, { "seed", 1, 0, 9e15, &j->seed } };
+	} numbers[] = { { "tries", 4, 1, 1000, &j->tries },	     { "sweeps", 300, 1, 10000, &j->sweeps },
+			{ "cameras", 0, 1, BB_COVERAGE_CAMERAS_MAX, &j->n_cameras }, { "seed", 1, 0, 9e15, &j->seed },
+			{ "grid-mm", 0, 50, 2000, &j->grid_mm },     { "apart-mm", 150, 0, 10000, &j->apart_mm } };
+	enum { WHOLE_TO = 4 };
 	enum bb_status status = BB_OK;
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(numbers) && !status; i++)
-		status = bb_cli_number(j->cli, numbers[i].name, numbers[i].usual, numbers[i].least, numbers[i].most,
+		status = (i < WHOLE_TO ? bb_cli_whole : bb_cli_number)(j->cli, numbers[i].name, numbers[i].usual, numbers[i].least, numbers[i].most,
 				       numbers[i].out, err);
 	if (!status)
 		status = bb_cover_wish(j->cli, 50, &j->wishes, err);
@@ -190,8 +191,8 @@ static void print(const struct job *j, FILE *f)
 	bb_cover_print(&j->after.cover, j->after.s, levels, BB_ARRAY_LEN(levels), f);
 	const double k = factor(j);
 	if (isfinite(k) && k > 0)
-		fprintf(f, "\nThe weakest decile of the volume (viewer: %s) is better by a factor of %.2f.\n\n",
-			bb_cover_body_text(j->body), k);
+		fprintf(f, "\nThe weakest decile of the volume (viewer: %s) is %s by a factor of %.2f.\n\n",
+			bb_cover_body_text(j->body), k < 1 ? "worse" : "better", k < 1 ? 1 / k : k);
 	else
 		fprintf(f, "\nThe weakest decile had %s position before and has %s now.\n\n",
 			isfinite(j->before.s[j->body].weak_m) ? "a" : "no", isfinite(j->after.s[j->body].weak_m) ? "one" : "none");
