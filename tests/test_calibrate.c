@@ -267,6 +267,7 @@ static void sequences_are_read_and_refused(void **state)
 		{ 1731, HEAD "part wand\n-1 a 1 2\n" },
 		{ 1731, HEAD "part wand\n1e7 a 1 2\n" },
 		{ 1731, HEAD "part wand\n0.5 a 1 2\n0.4 b 1 2\n" },
+		{ 1731, HEAD "part wand\n0.5 a 1 2\npart square\n0 a\npart wand\n0.4 b 1 2\n" },
 		{ 1731, HEAD "part wand\n0 a 1 2" },
 		{ 1731, HEAD "part dance\n0 a 1 2\n" },
 		{ 1731, HEAD "camera a\npart wand\n0 a 1 2\n" },

@@ -78,7 +78,7 @@ void bb_sequence_free(struct bb_sequence *s)
 struct reading {
 	struct bb_sequence *s;
 	bool has_wand, has_square, in_part, square;
-	int64_t last_ns;
+	int64_t last_ns[2]; /* of the square, of the wand */
 };
 
 static const char *take_wand(struct reading *r, const struct bb_sequence_line *l)
@@ -116,6 +116,7 @@ static const char *take_square(struct reading *r, const struct bb_sequence_line 
 
 static const char *take_sight(struct reading *r, const struct bb_sequence_line *l, enum bb_status *status)
 {
+	int64_t *last_ns = &r->last_ns[!r->square];
 	size_t camera = 0;
 
 	if (!r->in_part)
@@ -124,9 +125,9 @@ static const char *take_sight(struct reading *r, const struct bb_sequence_line *
 		camera++;
 	if (camera == r->s->n_cameras)
 		return "a camera that no line `camera ID` names";
-	if (l->t_ns < r->last_ns - BB_SEQUENCE_TOGETHER_NS)
+	if (l->t_ns < *last_ns - BB_SEQUENCE_TOGETHER_NS)
 		return "time goes back";
-	r->last_ns = l->t_ns > r->last_ns ? l->t_ns : r->last_ns;
+	*last_ns = l->t_ns > *last_ns ? l->t_ns : *last_ns;
 	*status = bb_sequence_add(r->s, l->t_ns, (uint16_t)camera, r->square, l->px, l->n);
 	return *status == BB_ERR_RANGE ? "more than 4 million lines" : NULL;
 }
@@ -148,7 +149,6 @@ static const char *take(struct reading *r, const struct bb_sequence_line *l, enu
 	case BB_SEQUENCE_PART_WAND:
 		r->in_part = true;
 		r->square = l->kind == BB_SEQUENCE_PART_SQUARE;
-		r->last_ns = 0;
 		return NULL;
 	case BB_SEQUENCE_SIGHT:
 		return take_sight(r, l, status);

@@ -10,7 +10,7 @@
  *	part wand
  *	2.000000 c1 ...
  *
- * Lines of cameras that exposed together carry times within 0.5 ms. Times never go back within a part. "#" begins a comment
+ * Lines of cameras that exposed together carry times within 0.5 ms. Times never go back, the square's and the wand's each. "#" begins a comment
  * line. Every byte is hostile until checked: 1730, 1731.
  */
 #ifndef BB_SYNC_CALIBRATE_SEQUENCE_H
