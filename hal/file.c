@@ -101,6 +101,13 @@ bool bb_path_may_be_replaced(const char *path)
 	return stat(path, &st) != 0 || S_ISREG(st.st_mode);
 }
 
+bool bb_path_is_same(const char *a, const char *b)
+{
+	struct stat x, y;
+
+	return stat(a, &x) == 0 && stat(b, &y) == 0 && x.st_dev == y.st_dev && x.st_ino == y.st_ino;
+}
+
 bool bb_path_is_tame(const char *path)
 {
 	if (!*path || *path == '/')

@@ -22,6 +22,8 @@ BB_MUST_CHECK enum bb_status bb_file_check_text(const char *path, const char *te
 bool bb_path_is_tame(const char *path);
 /* May a result be renamed to this? A regular file or nothing is there: root could else replace a device by its rename. */
 bool bb_path_may_be_replaced(const char *path);
+/* Do both name one file that is there? */
+bool bb_path_is_same(const char *a, const char *b);
 /*
  * Where is a file that a configuration names? In the current folder; else beside the configuration; else in the folder
  * above it, since rooms/, scenes/ and their data stand side by side and are used from elsewhere once installed. name

@@ -51,6 +51,16 @@ echo "front lower_left nan 0 0" >>"$work/edge"
 check "no number: 1740" gives 2 track align $cabin --touched "$work/edge"
 check "its line" says "BB1740.*:3"
 
+sed 's/cal.yaml/aligned.yaml/' "$work/room.yaml" >"$work/again.yaml"
+check "again, onto itself" gives 0 track align "$work/again.yaml" --touched "$work/touched" --out "$work/aligned.yaml"
+before=$(cksum <"$work/cal.yaml")
+check "a calibration the room does not name: spared" gives 2 track align $cabin --touched "$work/touched" --out "$work/cal.yaml"
+check "a plan, moved" gives 0 track align $cabin --touched "$work/touched" --out "$work/plan.yaml"
+check "over itself" gives 0 track align $cabin --touched "$work/touched" --out "$work/plan.yaml"
+check "the sequence: spared" gives 2 track calibrate $cabin --sequence "$work/dance.txt" --out "$work/dance.txt"
+check "the room: spared" gives 2 track calibrate "$work/room.yaml" --sequence "$work/dance.txt" --png "$work/../$(basename "$work")/room.yaml"
+check "as they were" sh -c "[ '$before' = \"\$(cksum <'$work/cal.yaml')\" ] && head -1 '$work/dance.txt' | grep -q wand"
+
 check "neither of both" gives 2 track calibrate $cabin
 check "no such camera" gives 2 track calibrate $cabin --simulate --knock c99
 head -c 20000 "$work/dance.txt" >"$work/cut.txt"

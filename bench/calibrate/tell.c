@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "bench/file.h"
+#include "hal/file.h"
 
 #define DEG_PER_RAD (180 / 3.14159265358979323846)
 #define MOST_M 0.002
@@ -136,6 +137,16 @@ json_t *bb_calibrate_json(const struct bb_calibrate_outcome *o)
 }
 
 /* Files */
+
+enum bb_status bb_calibrate_spare(const struct bb_cli *cli, const char *input, struct bb_error *err)
+{
+	static const char *const outputs[] = { "out", "save", "svg", "png" };
+
+	for (size_t i = 0; input && i < BB_ARRAY_LEN(outputs); i++)
+		if (bb_path_is_same(bb_cli_get(cli, outputs[i], ""), input))
+			return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--%s would take the place of %s", outputs[i], input);
+	return BB_OK;
+}
 
 void bb_calibrate_head(const struct bb_room *planned, const char *made, struct bb_calibration_head *out)
 {

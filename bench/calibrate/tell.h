@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "bench/calibrate/dance.h"
+#include "bench/cli.h"
 #include "hal/room/calibration.h"
 #include "sync/calibrate/calibrate.h"
 
@@ -28,6 +29,8 @@ void bb_calibrate_print(const struct bb_calibrate_outcome *o, FILE *out);
 json_t *bb_calibrate_json(const struct bb_calibrate_outcome *o);
 /* .svg or .png: what is left over, camera by camera. */
 BB_MUST_CHECK enum bb_status bb_calibrate_draw(const struct bb_calibrate_outcome *o, const char *file, struct bb_error *err);
+/* 1701 when a file that the command would write is this one, which it reads. */
+BB_MUST_CHECK enum bb_status bb_calibrate_spare(const struct bb_cli *cli, const char *input, struct bb_error *err);
 /* Atomically; moved is what was aligned since. */
 BB_MUST_CHECK enum bb_status bb_calibrate_save(const char *file, const struct bb_calibration_head *head,
                                                const struct bb_camera_config *cameras, size_t n, struct bb_error *err);

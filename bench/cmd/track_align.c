@@ -97,6 +97,17 @@ static enum bb_status fit(const struct touched *t, double most_mm, struct bb_tou
 	return BB_OK;
 }
 
+/* What was danced for must not go for a plan that was moved: the room names no calibration, and there is one at --out. */
+static enum bb_status spare_dance(const char *out, struct bb_room *planned, struct bb_error *err)
+{
+	struct bb_calibration_head there;
+	struct bb_error none = { 0 };
+
+	if (bb_calibration_read(out, planned->cameras, planned->n_cameras, &there, &none) || !(there.rms_px > 0))
+		return BB_OK;
+	return bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--out %s is a calibration that the room does not name: it would be lost", out);
+}
+
 /* Everything moves with the tracker's space. */
 static enum bb_status save(const struct bb_cli *cli, struct bb_room *room, const struct bb_touch_fit *f, struct bb_error *err)
 {
@@ -116,6 +127,8 @@ static enum bb_status save(const struct bb_cli *cli, struct bb_room *room, const
 		head.rms_px = old.rms_px;
 		head.moved = old.moved;
 		memcpy(head.sequence_sha256, old.sequence_sha256, sizeof(head.sequence_sha256));
+	} else {
+		status = spare_dance(out, planned, err);
 	}
 	head.moved = bb_pose_mul(&f->pose, &head.moved);
 	for (size_t i = 0; i < room->n_cameras; i++) {
@@ -162,6 +175,10 @@ static int run(const struct bb_cli *cli)
 
 	if (!status)
 		status = bb_cli_number(cli, "most-mm", MOST_MM, 0.1, 1000, &most_mm, &err);
+	if (!status)
+		status = bb_calibrate_spare(cli, cli->arg[0], &err);
+	if (!status)
+		status = bb_calibrate_spare(cli, file, &err);
 	if (!status)
 		status = bb_room_load(cli->arg[0], &room, &err);
 	if (!status)

@@ -148,6 +148,10 @@ static int run(const struct bb_cli *cli)
 		if (bb_cli_has(cli, simulated[i]))
 			status = bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "--%s belongs to --simulate", simulated[i]);
 	if (!status)
+		status = bb_calibrate_spare(cli, cli->arg[0], &err);
+	if (!status)
+		status = bb_calibrate_spare(cli, file, &err);
+	if (!status)
 		status = bb_room_load_planned(cli->arg[0], &j.room, &err);
 	j.outcome.room = j.room;
 	if (!status && j.room->n_cameras < 2)
