@@ -13,6 +13,7 @@
 #define NR BB_BUNDLE_ROD
 #define BLIND_PX 1e3 /* what an observation costs that cannot be projected */
 #define LAMBDA_MOST 1e10
+#define TIE 1e-4 /* of a prior's deviations: what one lens may differ from itself by */
 
 struct link { /* what one camera saw of one rod */
 	uint32_t rod;
@@ -156,12 +157,30 @@ static void prior_of(const struct bb_camera_config *c, const struct bb_camera_co
 	}
 }
 
+/* Whose lens camera i has: its own, or an earlier one's that hung elsewhere. */
+static size_t lens_of(const struct bb_bundle *b, size_t i)
+{
+	return b->lens_of ? b->lens_of[i] : i;
+}
+
+/* The same for camera i of a bundle: pulled to its prior, or tied to the camera whose lens it has. */
+static void pull_of(const struct bb_bundle *b, const struct bb_camera_config *cameras, size_t i, double sigma[5], double off[5])
+{
+	const size_t t = lens_of(b, i);
+
+	prior_of(&cameras[i], t == i ? &b->prior[i] : &cameras[t], sigma, off);
+	for (int k = 0; t != i && k < 5; k++) {
+		sigma[k] *= TIE;
+		off[k] /= TIE;
+	}
+}
+
 static double prior_cost(const struct bb_bundle *b, const struct bb_camera_config *cameras)
 {
 	double sum = 0, sigma[5], off[5];
 
 	for (size_t i = 0; i < b->n_cameras; i++) {
-		prior_of(&cameras[i], &b->prior[i], sigma, off);
+		pull_of(b, cameras, i, sigma, off);
 		for (int k = 0; k < 5; k++)
 			sum += off[k] * off[k];
 	}
@@ -238,10 +257,15 @@ static void linearise(const struct bb_bundle *b, struct work *w)
 	memset(w->g, 0, b->n_cameras * sizeof(*w->g));
 	memset(w->rods, 0, b->n_rods * sizeof(*w->rods));
 	for (size_t i = 0; i < b->n_cameras; i++) {
-		prior_of(&b->cameras[i], &b->prior[i], sigma, off);
+		const size_t t = lens_of(b, i);
+		pull_of(b, b->cameras, i, sigma, off);
 		for (int k = 0; k < 5; k++) {
 			w->u[i][k][k] += 1 / (sigma[k] * sigma[k]);
 			w->g[i][k] -= off[k] / sigma[k];
+			if (t == i)
+				continue;
+			w->u[t][k][k] += 1 / (sigma[k] * sigma[k]);
+			w->g[t][k] += off[k] / sigma[k];
 		}
 	}
 	for (size_t i = 0; i < b->n_obs; i++) {
@@ -320,6 +344,20 @@ static void eliminate(const struct bb_bundle *b, struct work *w, const struct ro
 	}
 }
 
+/* Cameras that share a lens: the lower half, since it is an earlier one's. */
+static void tie(const struct bb_bundle *b, struct work *w)
+{
+	const size_t n = b->n_cameras * NC;
+	double sigma[5], off[5];
+
+	for (size_t i = 0; i < b->n_cameras; i++) {
+		const size_t t = lens_of(b, i);
+		pull_of(b, b->cameras, i, sigma, off);
+		for (size_t k = 0; t != i && k < 5; k++)
+			w->s[(i * NC + k) * n + t * NC + k] -= 1 / (sigma[k] * sigma[k]);
+	}
+}
+
 /* A step from the linearised system under a damping, into try_cameras and try_rods; false: none. */
 static bool step(const struct bb_bundle *b, struct work *w, double lambda)
 {
@@ -334,6 +372,7 @@ static bool step(const struct bb_bundle *b, struct work *w, double lambda)
 			w->s[(i * NC + r) * (n + 1)] += lambda * w->u[i][r][r] + 1e-12;
 			w->x[i * NC + r] = w->g[i][r];
 		}
+	tie(b, w);
 	for (size_t i = 0; i < b->n_rods; i++) {
 		struct rod_block *rod = &w->rods[i];
 		memcpy(damped, rod->v, sizeof(damped));

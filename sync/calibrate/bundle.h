@@ -43,6 +43,7 @@ struct bb_bundle {
 	double along_m[3];         /* where its markers are on a rod, from its middle; their sum is 0 */
 	double cauchy_px;          /* 0: squares */
 	const struct bb_camera_config *prior; /* borrowed: where the weak priors pull */
+	const uint16_t *lens_of;   /* borrowed; NULL: every camera has a lens of its own; else the camera whose it is, i or less */
 
 	double cost;               /* out */
 	unsigned steps;            /* out: accepted */

@@ -10,7 +10,6 @@
 #define REJECT_SIGMAS 4.0  /* of 3000 good markers one is lost */
 #define MEDIAN_OF_RADIUS 1.17741 /* sqrt(2 ln 2), in sigmas of one coordinate */
 #define WORST_SIGMA_PX 5.0 /* more than that is no solution */
-#define KNOCKS_MOST 8
 
 static enum bb_status adjust(struct bb_calibration *c, double cauchy_px, unsigned steps, double tolerance)
 {
@@ -59,9 +58,9 @@ static enum bb_status narrow(struct bb_calibration *c, double from_px, double *s
 /* From before its camera was knocked: the camera is no longer where it saw that. */
 static bool is_stale(const struct bb_calibration *c, const struct bb_bundle_obs *o)
 {
-	const struct bb_calibrate_camera *r = &c->report[o->camera];
+	const struct bb_calibrate_camera *r = o->camera < c->n_cameras ? &c->report[o->camera] : NULL;
 
-	return r->knocked && c->rod_ns[o->rod] < r->knocked_ns;
+	return r && r->knocked && c->rod_ns[o->rod] < r->knocked_ns;
 }
 
 static void leave_out(struct bb_calibration *c, double most_px)
@@ -98,7 +97,7 @@ static void sum_up(struct bb_calibration *c)
 	const struct bb_bundle *b = &c->bundle;
 	double square = 0, *per_camera = calloc(c->n_cameras, sizeof(*per_camera));
 	uint64_t *cells = calloc(c->n_cameras, sizeof(*cells));
-	size_t n_rods = 0, last = SIZE_MAX;
+	size_t n_rods = 0, last = SIZE_MAX, n_before = 0;
 
 	c->n_used = c->n_out = c->n_knocked = 0;
 	for (size_t i = 0; i < c->n_cameras; i++)
@@ -106,13 +105,19 @@ static void sum_up(struct bb_calibration *c)
 	for (size_t i = 0; per_camera && cells && i < b->n_obs; i++) {
 		const struct bb_bundle_obs *o = &b->obs[i];
 		const double x = (double)o->off_px[0], y = (double)o->off_px[1];
-		c->report[o->camera].n_used += !o->out;
-		c->report[o->camera].n_out += o->out && !is_stale(c, o);
+		const bool before = o->camera >= c->n_cameras; /* it was knocked */
+		if (!before) {
+			c->report[o->camera].n_used += !o->out;
+			c->report[o->camera].n_out += o->out && !is_stale(c, o);
+		}
 		if (o->out)
 			continue;
 		n_rods += o->rod != last;
 		last = o->rod;
 		square += x * x + y * y;
+		n_before += before;
+		if (before)
+			continue;
 		per_camera[o->camera] += x * x + y * y;
 		cells[o->camera] |= UINT64_C(1) << bb_calibrate_cell(&c->cameras[o->camera], o->px[0], o->px[1]);
 	}
@@ -121,12 +126,13 @@ static void sum_up(struct bb_calibration *c)
 		c->n_out += c->report[i].n_out;
 		c->n_knocked += c->report[i].knocked;
 	}
-	/* 11 a camera and 5 a wand were fitted, of which 6 are the free place of all */
-	c->freedom = 2 * (double)c->n_used - (double)(BB_BUNDLE_CAMERA * c->n_cameras + BB_BUNDLE_ROD * n_rods) + 6;
+	/* 11 a camera, 6 for where one hung before and 5 a wand were fitted, of which 6 are the free place of all */
+	c->freedom = 2 * (double)(c->n_used + n_before) - (double)(BB_BUNDLE_CAMERA * c->n_cameras + BB_BUNDLE_ROD * n_rods) -
+	             6 * (double)(b->n_cameras - c->n_cameras) + 6;
 	c->rms_px = c->freedom > 0 ? sqrt(square / c->freedom) : (double)INFINITY;
 	for (size_t i = 0; per_camera && cells && i < c->n_cameras; i++) {
 		struct bb_calibrate_camera *r = &c->report[i];
-		const double share = c->freedom / (2 * (double)c->n_used);
+		const double share = c->freedom / (2 * (double)(c->n_used + n_before));
 		r->rms_px = r->n_used ? sqrt(per_camera[i] / (2 * (double)r->n_used * share)) : 0;
 		r->covered = (double)__builtin_popcountll(cells[i]) / (BB_CALIBRATE_CELLS_X * BB_CALIBRATE_CELLS_Y);
 	}
@@ -159,6 +165,29 @@ static enum bb_status begin_again(struct bb_calibration *c, double *sigma_px)
 	return status;
 }
 
+/* Leaves out what is beyond the noise, and adjusts the rest by squares. */
+static enum bb_status finish(struct bb_calibration *c, double sigma_px)
+{
+	uint16_t *lens_of = calloc(c->n_cameras + BB_CALIBRATE_KNOCKS, sizeof(*lens_of));
+	enum bb_status status = lens_of ? BB_OK : BB_ERR_NOMEM;
+
+	if (status)
+		return status;
+	if (bb_calibrate_split(c, lens_of))
+		status = narrow(c, 16, &sigma_px);
+	for (int i = 0; !status && i < 3; i++) {
+		leave_out(c, REJECT_SIGMAS * sigma_px);
+		bb_calibrate_doubt(c);
+		drop_weak_rods(c);
+		status = adjust(c, 0, 20, 1e-9);
+		sum_up(c);
+		sigma_px = c->rms_px;
+	}
+	bb_calibrate_join(c);
+	free(lens_of);
+	return status;
+}
+
 /* Everything from the first rough start to the last adjustment by squares. */
 static enum bb_status solve(struct bb_calibration *c)
 {
@@ -166,7 +195,7 @@ static enum bb_status solve(struct bb_calibration *c)
 	size_t sick;
 	enum bb_status status = narrow(c, 40, &sigma_px);
 
-	for (int i = 0; !status && i < KNOCKS_MOST; i++) {
+	for (int i = 0; !status && i < BB_CALIBRATE_KNOCKS; i++) {
 		if (!bb_calibrate_find_knock(c, sigma_px)) {
 			sick = bb_calibrate_find_sick(c, sigma_px);
 			if (sick == c->n_cameras)
@@ -175,14 +204,7 @@ static enum bb_status solve(struct bb_calibration *c)
 		}
 		status = begin_again(c, &sigma_px);
 	}
-	for (int i = 0; !status && i < 3; i++) {
-		leave_out(c, REJECT_SIGMAS * sigma_px);
-		drop_weak_rods(c);
-		status = adjust(c, 0, 20, 1e-9);
-		sum_up(c);
-		sigma_px = c->rms_px;
-	}
-	return status;
+	return status ? status : finish(c, sigma_px);
 }
 
 static enum bb_status prepare(const struct bb_calibrate_config *config, struct bb_calibration *out, struct bb_error *err)
@@ -191,7 +213,7 @@ static enum bb_status prepare(const struct bb_calibrate_config *config, struct b
 	struct bb_lens *lenses = calloc(n + 1, sizeof(*lenses));
 
 	out->n_cameras = n;
-	out->cameras = calloc(n + 1, sizeof(*out->cameras));
+	out->cameras = calloc(n + BB_CALIBRATE_KNOCKS, sizeof(*out->cameras));
 	out->report = calloc(n + 1, sizeof(*out->report));
 	enum bb_status status = lenses && out->cameras && out->report ? BB_OK : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "cameras");
 	for (size_t i = 0; !status && i < n; i++) {

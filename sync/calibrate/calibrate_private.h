@@ -7,6 +7,7 @@
 
 #define BB_CALIBRATE_CELLS_X 8
 #define BB_CALIBRATE_CELLS_Y 6
+#define BB_CALIBRATE_KNOCKS 8 /* cameras, at most */
 
 /* Fills out->bundle's rods, observations and lengths, rod_ns, and the reports' n_pictures. */
 BB_MUST_CHECK enum bb_status bb_calibrate_choose(const struct bb_calibrate_config *config, const struct bb_lens *lenses,
@@ -20,6 +21,13 @@ size_t bb_calibrate_find_sick(const struct bb_calibration *c, double sigma_px);
 void bb_calibrate_halve(struct bb_calibration *c, size_t camera);
 /* When exactly, now that the adjustment is right about what came after: what came before is far off. */
 void bb_calibrate_time_knocks(struct bb_calibration *c, double sigma_px);
+/* What knocked cameras saw before becomes the cameras after n_cameras, with the same lenses, and counts; false: nobody was
+ * knocked. lens_of: n_cameras + BB_CALIBRATE_KNOCKS, the caller's until they are joined. */
+bool bb_calibrate_split(struct bb_calibration *c, uint16_t *lens_of);
+/* Leaves out all of such a camera when most of it is. */
+void bb_calibrate_doubt(struct bb_calibration *c);
+/* Undoes it: what was seen before is left out. */
+void bb_calibrate_join(struct bb_calibration *c);
 /* Moves cameras and rods to where the square says the room is. */
 BB_MUST_CHECK enum bb_status bb_calibrate_align(const struct bb_calibrate_config *config, struct bb_calibration *c,
                                                 struct bb_error *err);
