@@ -74,7 +74,7 @@ void bb_calibrate_print(const struct bb_calibrate_outcome *o, FILE *out)
 	fprintf(out, "  square     fits to %.3f mm rms, seen by %zu cameras\n", c->square_rms_mm, c->square_cameras);
 	for (size_t i = 0; i < c->n_cameras; i++)
 		if (c->report[i].knocked)
-			fprintf(out, "  knocked    %s at %.1f s, by %.1f px: only what it saw since counts\n", c->cameras[i].id,
+			fprintf(out, "  knocked    %s at %.1f s, by %.1f px: its place is what it saw since\n", c->cameras[i].id,
 			        (double)c->report[i].knocked_ns * 1e-9, c->report[i].knock_px);
 	fprintf(out, "  took       %u steps, %.2f s\n\n", c->steps, o->seconds);
 	fprintf(out, "  %-8s %7s %6s %8s %7s %9s %8s %9s %8s %8s %8s %8s", "camera", "markers", "out", "rms_px", "covers",

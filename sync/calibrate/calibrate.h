@@ -4,7 +4,8 @@
  * choose.c labels every picture and chooses wands, even over time, cameras and their pictures; calibrate.c starts from
  * cameras as planned (tens of centimetres and degrees off is near enough), adjusts under a loss that narrows from 40 px to
  * three times the noise, looks for knocked cameras (knock.c) and leaves out what they saw before, leaves out what is beyond
- * 4 sigma, and adjusts the rest by squares; align.c puts the result where the square says the room is.
+ * 4 sigma, and adjusts the rest by squares, with what was seen before a knock as one more camera of the same lens (before.c);
+ * align.c puts the result where the square says the room is.
  */
 #ifndef BB_SYNC_CALIBRATE_CALIBRATE_H
 #define BB_SYNC_CALIBRATE_CALIBRATE_H

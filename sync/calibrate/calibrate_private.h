@@ -15,7 +15,7 @@ BB_MUST_CHECK enum bb_status bb_calibrate_choose(const struct bb_calibrate_confi
 /* Is there a camera whose picture jumped at some time? The worst of those not reported yet, into its report. sigma_px:
  * noise of an observation. */
 bool bb_calibrate_find_knock(struct bb_calibration *c, double sigma_px);
-/* The camera most of whose markers since its knock are far off; n_cameras: none. A knocked camera whose lens took up what
+/* The camera most of whose markers since its knock are far off or left out; n_cameras: none. A knocked camera whose lens took up what
  * two places could not explain looks like that: then what it saw last is kept, the later half. */
 size_t bb_calibrate_find_sick(const struct bb_calibration *c, double sigma_px);
 void bb_calibrate_halve(struct bb_calibration *c, size_t camera);

@@ -8,7 +8,7 @@
 #define LEAST_IN_SPAN 9
 #define LEAST_SPANS 2    /* on either side */
 #define FAR_SIGMAS 4.0
-#define SICK_SHARE 0.4   /* of a camera's markers are far off: it saw something else than the others */
+#define SICK_SHARE 0.4   /* of a camera's markers are far off or were left out: it saw something else than the others */
 #define LEAST_SIGMAS 2.5 /* a smaller jump does no harm */
 #define CLEAR 1.5        /* times what the spans of either side differ among themselves, in the middle */
 
@@ -186,7 +186,7 @@ size_t bb_calibrate_find_sick(const struct bb_calibration *c, double sigma_px)
 			if (o->camera != k || (c->report[k].knocked && c->rod_ns[o->rod] < c->report[k].knocked_ns))
 				continue;
 			n++;
-			far += !(part(o, HOW_FAR, 0) <= FAR_SIGMAS * sigma_px);
+			far += o->out || !(part(o, HOW_FAR, 0) <= FAR_SIGMAS * sigma_px);
 		}
 		if ((double)far > most * (double)n) {
 			most = (double)far / (double)n;
