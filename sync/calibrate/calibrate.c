@@ -169,10 +169,10 @@ static enum bb_status begin_again(struct bb_calibration *c, double *sigma_px)
 static enum bb_status finish(struct bb_calibration *c, double sigma_px)
 {
 	uint16_t *lens_of = calloc(c->n_cameras + BB_CALIBRATE_KNOCKS, sizeof(*lens_of));
-	enum bb_status status = lens_of ? BB_OK : BB_ERR_NOMEM;
+	enum bb_status status = BB_OK;
 
-	if (status)
-		return status;
+	if (!lens_of)
+		return BB_ERR_NOMEM;
 	if (bb_calibrate_split(c, lens_of))
 		status = narrow(c, 16, &sigma_px);
 	for (int i = 0; !status && i < 3; i++) {
