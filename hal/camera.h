@@ -46,6 +46,7 @@ struct bb_camera_limits {
 	int64_t stamp_error_ns;      /* mid-exposure stamp, at most */
 	double blob_error_px;        /* sd of a blob's centre */
 	bool grey;                   /* it delivers pictures; whoever reads them looks for the blobs */
+	double black, black_noise;   /* grey: level of a dark pixel, and its sd */
 };
 
 struct bb_blob {

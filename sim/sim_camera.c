@@ -265,6 +265,8 @@ static void set_limits(struct sim_camera *c)
 		.stamp_error_ns = c->ideal ? 0 : TICK_NS,
 		.blob_error_px = c->picture ? picture_error_px(&c->sensor) : c->ideal ? 0 : c->base.config.noise_px,
 		.grey = c->picture != NULL,
+		.black = c->sensor.black,
+		.black_noise = c->sensor.read_noise,
 	};
 }
 

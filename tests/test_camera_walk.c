@@ -71,7 +71,7 @@ static void set_option(struct bb_uri *uri, const char *text)
 
 static void begin(struct walk *w)
 {
-	struct bb_blobs_config usual = bb_blobs_usual();
+	double roundness = bb_blobs_usual().least_roundness;
 	struct bb_error err = { 0 };
 
 	memset(w, 0, sizeof(*w));
@@ -88,7 +88,7 @@ static void begin(struct walk *w)
 	snprintf(w->uri.scheme, sizeof(w->uri.scheme), "sim");
 	for (int i = 0; i < n_options; i++)
 		if (!strncmp(options[i], "roundness=", 10))
-			usual.least_roundness = strtod(options[i] + 10, NULL);
+			roundness = strtod(options[i] + 10, NULL);
 		else
 			set_option(&w->uri, options[i]);
 	const struct bb_open open = { .clk = w->clk, .events = w->log, .uri = &w->uri, .seed = seed, .fidelity = 2, .world = w->world };
@@ -97,7 +97,10 @@ static void begin(struct walk *w)
 		assert_true(bb_camera_limits(w->cam[i])->grey);
 		assert_int_equal(bb_camera_start(w->cam[i]), BB_OK);
 	}
-	assert_int_equal(bb_blob_finder_create(&usual, r->cameras[0].width_px, r->cameras[0].height_px, &w->finder), BB_OK);
+	const struct bb_camera_limits *limits = bb_camera_limits(w->cam[0]);
+	struct bb_blobs_config blobs = bb_blobs_above(limits->black, limits->black_noise);
+	blobs.least_roundness = roundness;
+	assert_int_equal(bb_blob_finder_create(&blobs, r->cameras[0].width_px, r->cameras[0].height_px, &w->finder), BB_OK);
 	const struct bb_tracker_config t = { .cameras = r->cameras, .n_cameras = r->n_cameras, .bodies = r->bodies,
 		                             .n_bodies = 1, .blob_sigma_px = bb_camera_limits(w->cam[0])->blob_error_px,
 		                             .group_ns = 500000, .freeze_ns = 100000000, .room_min = r->min,
