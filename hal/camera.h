@@ -34,6 +34,7 @@ struct bb_camera_config {
 	enum bb_camera_sync sync;  /* where the exposures' rhythm comes from */
 	double sync_offset_us;     /* exposure start after its sync edge */
 	double exposure_us, readout_us;
+	double row_us;             /* a rolling shutter's rows expose this long after one another; 0: all at once */
 	double transfer_us, transfer_jitter_us; /* read-out end to host arrival */
 	double noise_px;           /* sd of a blob's centre, each axis */
 	double calibrated_px;      /* rms its calibration left over, each axis; 0: pose and lens are as planned */
@@ -46,6 +47,7 @@ struct bb_camera_limits {
 	int64_t stamp_error_ns;      /* mid-exposure stamp, at most */
 	double blob_error_px;        /* sd of a blob's centre */
 	bool grey;                   /* it delivers pictures; whoever reads them looks for the blobs */
+	double black, black_noise;   /* grey: level of a dark pixel, and its sd */
 };
 
 struct bb_blob {
@@ -55,7 +57,7 @@ struct bb_blob {
 
 struct bb_camera_frame {
 	uint32_t seq;                  /* counts exposures: a gap is a dropped frame */
-	struct bb_dev_ns mid_exposure; /* on the camera's clock, unwrapped */
+	struct bb_dev_ns mid_exposure; /* of its middle row, on the camera's clock, unwrapped */
 	int64_t arrived_ns;            /* host */
 	bool overflow;                 /* more blobs than most_blobs, or than cap */
 	struct bb_blob *blobs;         /* the caller's, cap entries */

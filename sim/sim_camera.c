@@ -207,9 +207,9 @@ static const struct sim_option options[] = {
 	OPTION("transfer_us", base.config.transfer_us, 0, 1e5),
 	OPTION("transfer_jitter_us", base.config.transfer_jitter_us, 0, 1e5),
 	OPTION("readout_us", base.config.readout_us, 0, 1e5),
+	OPTION("row_us", base.config.row_us, 0, 100),
 	OPTION("marker_mm", lamp.marker_mm, 1, 200),
 	OPTION("marker_grey", lamp.marker_grey, 0, 1e5),
-	OPTION("row_us", lamp.row_us, 0, 100),
 	OPTION("mirror", lamp.mirror, 0, 1),
 	OPTION("psf_px", sensor.psf_px, 0.3, 10),
 	OPTION("read_noise", sensor.read_noise, 0, 30),
@@ -237,7 +237,7 @@ static enum bb_status check_config(struct sim_camera *c)
 	if (!k->rate.num || !k->rate.den || !in(bb_rate_hz(k->rate), 1, 1000))
 		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "rate %u/%u", k->rate.num, k->rate.den);
 	if (!in(k->exposure_us, 1, 1e6) || !in(k->sync_offset_us, 0, 1e6) || !in(k->readout_us, 0, 1e5) ||
-	    !in(k->transfer_us, 0, 1e5) || !in(k->transfer_jitter_us, 0, 1e5) || !in(k->noise_px, 0, 100) ||
+	    !in(k->row_us, 0, 100) || !in(k->transfer_us, 0, 1e5) || !in(k->transfer_jitter_us, 0, 1e5) || !in(k->noise_px, 0, 100) ||
 	    k->exposure_us * 1000 >= (double)bb_rate_period_ns(k->rate))
 		return bb_device_fail(&c->base.dev, BB_ERR_RANGE, "open", "a time or the noise is out of range");
 	if (!in(k->fx_px, 1, 1e6) || !in(k->fy_px, 1, 1e6) || k->width_px < 2 || k->height_px < 2 ||
@@ -265,6 +265,8 @@ static void set_limits(struct sim_camera *c)
 		.stamp_error_ns = c->ideal ? 0 : TICK_NS,
 		.blob_error_px = c->picture ? picture_error_px(&c->sensor) : c->ideal ? 0 : c->base.config.noise_px,
 		.grey = c->picture != NULL,
+		.black = c->sensor.black,
+		.black_noise = c->sensor.read_noise,
 	};
 }
 

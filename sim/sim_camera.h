@@ -2,7 +2,8 @@
  * sim/sim_camera.h: tracking cameras as the world sees them. For bench/ and tests/ only.
  *
  * Model. Exposure k begins at instant k of the camera's rate on the room's sync reference plus sync_offset_us, or on
- * its own clock (seeded phase, +-50 ppm). Markers stand where they are at mid-exposure, go through the lens (hal/camera.h), get normal noise, and are reported sorted by y, then x; spots that overlap are one blob. A frame
+ * its own clock (seeded phase, +-50 ppm). Markers stand where they are at mid-exposure (of their row), go through the lens
+ * (hal/camera.h), get normal noise, and are reported sorted by y, then x; spots that overlap are one blob. A frame
  * arrives exposure/2 + read-out + transfer + jitter (uniform, never early, never overtaking) after mid-exposure. The
  * stamp is the camera's own 32-bit microsecond counter (seeded start, +-30 ppm), unwrapped. Fidelity 0: no noise, no
  * jitter, no occlusion, no merging, and the device clock is the host's in ns. Fidelity 2: a picture of the same moment

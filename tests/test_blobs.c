@@ -554,6 +554,14 @@ static void nonsense_is_refused(void **state)
 	const struct bb_blobs_config good = bb_blobs_usual();
 	assert_int_equal(bb_blob_finder_create(&good, 0, 64, &f), BB_ERR_RANGE);
 	assert_int_equal(bb_blob_finder_create(&good, 64, BB_BLOBS_EDGE_MAX + 1, &f), BB_ERR_RANGE);
+	/* Thresholds of another camera: the usual one's are the usual ones; past white there are none. */
+	const struct bb_blobs_config same = bb_blobs_above(4, 1), grey = bb_blobs_above(40.5, 10);
+	assert_true(same.low == good.low && same.high == good.high);
+	assert_true(grey.low == 71 && grey.high == 101);
+	const struct bb_blobs_config past[] = { bb_blobs_above(232, 1), bb_blobs_above(4, 42), bb_blobs_above((double)NAN, 1),
+		                                bb_blobs_above(4, (double)INFINITY), bb_blobs_above(-30, 1) };
+	for (size_t i = 0; i < BB_ARRAY_LEN(past); i++)
+		assert_int_equal(bb_blob_finder_create(&past[i], 64, 64, &f), BB_ERR_RANGE);
 	struct bb_blobs_config other = good;
 	other.kernel = "abacus";
 	assert_int_equal(bb_blob_finder_create(&other, 64, 64, &f), BB_ERR_UNSUPPORTED);

@@ -3,8 +3,8 @@
  * walk, the viewer's body in the way. Counted are poses of exposures in which four cameras or more have at least three
  * markers in the picture, by the truth: a spot within 2 px of where the lens puts the marker, at least 3 px across
  * (diameter of the disc of its area above the threshold) and at least 100 grey levels at its peak, black being 4.
- * `test_camera_walk 3000 [SEED [option=value ...]]` takes so many exposures and camera options, and roundness= of the finder
- * (make bench-eyes).
+ * `test_camera_walk 3000 [SEED [option=value ...]]` takes so many exposures and camera options (row_us=: a rolling shutter that
+ * the tracker does not know of), roundness= of the finder, and rows_us=: a rolling shutter that stands in the room (make bench-eyes).
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -69,9 +69,9 @@ static void set_option(struct bb_uri *uri, const char *text)
 	snprintf(uri->option[i].value, sizeof(uri->option[i].value), "%s", equals + 1);
 }
 
-static void begin(struct walk *w)
+static void begin(struct walk *w, double rows_us)
 {
-	struct bb_blobs_config usual = bb_blobs_usual();
+	double roundness = bb_blobs_usual().least_roundness;
 	struct bb_error err = { 0 };
 
 	memset(w, 0, sizeof(*w));
@@ -88,16 +88,23 @@ static void begin(struct walk *w)
 	snprintf(w->uri.scheme, sizeof(w->uri.scheme), "sim");
 	for (int i = 0; i < n_options; i++)
 		if (!strncmp(options[i], "roundness=", 10))
-			usual.least_roundness = strtod(options[i] + 10, NULL);
+			roundness = strtod(options[i] + 10, NULL);
+		else if (!strncmp(options[i], "rows_us=", 8))
+			rows_us = strtod(options[i] + 8, NULL);
 		else
 			set_option(&w->uri, options[i]);
+	for (size_t i = 0; i < CAMERAS_MAX; i++)
+		w->room->cameras[i].row_us = rows_us;
 	const struct bb_open open = { .clk = w->clk, .events = w->log, .uri = &w->uri, .seed = seed, .fidelity = 2, .world = w->world };
 	for (size_t i = 0; i < CAMERAS_MAX; i++) {
 		assert_int_equal(bb_camera_open(&sim_camera_driver, &r->cameras[i], &open, &w->cam[i]), BB_OK);
 		assert_true(bb_camera_limits(w->cam[i])->grey);
 		assert_int_equal(bb_camera_start(w->cam[i]), BB_OK);
 	}
-	assert_int_equal(bb_blob_finder_create(&usual, r->cameras[0].width_px, r->cameras[0].height_px, &w->finder), BB_OK);
+	const struct bb_camera_limits *limits = bb_camera_limits(w->cam[0]);
+	struct bb_blobs_config blobs = bb_blobs_above(limits->black, limits->black_noise);
+	blobs.least_roundness = roundness;
+	assert_int_equal(bb_blob_finder_create(&blobs, r->cameras[0].width_px, r->cameras[0].height_px, &w->finder), BB_OK);
 	const struct bb_tracker_config t = { .cameras = r->cameras, .n_cameras = r->n_cameras, .bodies = r->bodies,
 		                             .n_bodies = 1, .blob_sigma_px = bb_camera_limits(w->cam[0])->blob_error_px,
 		                             .group_ns = 500000, .freeze_ns = 100000000, .room_min = r->min,
@@ -195,12 +202,12 @@ static void judge(struct walk *w, int64_t mid_ns, bool counts)
 	w->worst_mm = fmax(w->worst_mm, mm);
 }
 
-static void the_walk_is_followed_in_pictures(void **state)
+/* Returns its rms over the stated sigma. */
+static double follow(double rows_us)
 {
 	struct walk w;
 
-	(void)state;
-	begin(&w);
+	begin(&w, rows_us);
 	const struct bb_camera_config *c = &w.room->cameras[0];
 	const int64_t first = sim_world_reference_after(w.world, c->rate, 0);
 	for (unsigned i = 0; i < n_exposures; i++) {
@@ -210,10 +217,11 @@ static void the_walk_is_followed_in_pictures(void **state)
 		judge(&w, mid_ns, expose_all(&w, mid_ns));
 	}
 	const double mm = sqrt(w.mm2 / (double)w.solved), deg = sqrt(w.deg2 / (double)w.solved);
+	const double sigma_mm = sqrt(w.sigma_mm2 / (double)w.solved);
 	const size_t clear = w.spots - w.saturated;
 	printf("[ note ] %zu exposures of %d cameras, seed %llu: %.3f mm rms (sigma %.3f, worst %.2f), %.3f deg rms in %zu of %zu "
 	       "that count; all %zu poses %.3f mm rms, %zu wrong\n", w.exposures, CAMERAS_MAX, (unsigned long long)seed, mm,
-	       sqrt(w.sigma_mm2 / (double)w.solved), w.worst_mm, deg, w.solved, w.counted, w.all, sqrt(w.all_mm2 / (double)w.all), w.wrong);
+	       sigma_mm, w.worst_mm, deg, w.solved, w.counted, w.all, sqrt(w.all_mm2 / (double)w.all), w.wrong);
 	printf("[ note ] %zu markers' spots: %.4f px rms each axis, %.1f %% refined; %.1f %% saturated, those %.4f px; %.1f %% astray "
 	       "(merged or partly hidden)\n", w.spots,
 	       sqrt(w.square_px[0] / (double)(2 * clear)), 100.0 * (double)w.refined / (double)w.spots,
@@ -224,11 +232,25 @@ static void the_walk_is_followed_in_pictures(void **state)
 	assert_int_equal(w.wrong, 0);
 	assert_true(mm < 0.3 && deg < 0.2);
 	end(&w);
+	return mm / sigma_mm;
+}
+
+static void the_walk_is_followed_in_pictures(void **state)
+{
+	(void)state;
+	follow(0);
+}
+
+static void a_rolling_shutter_that_the_room_names_costs_nothing(void **state)
+{
+	(void)state;
+	assert_true(follow(15) < 2.5); /* the first pose knows of no velocity */
 }
 
 int main(int argc, char **argv)
 {
-	const struct CMUnitTest tests[] = { cmocka_unit_test(the_walk_is_followed_in_pictures) };
+	const struct CMUnitTest tests[] = { cmocka_unit_test(the_walk_is_followed_in_pictures),
+		                            cmocka_unit_test(a_rolling_shutter_that_the_room_names_costs_nothing) };
 
 	if (argc > 1)
 		n_exposures = (unsigned)strtoul(argv[1], NULL, 10);
@@ -236,5 +258,7 @@ int main(int argc, char **argv)
 		seed = strtoull(argv[2], NULL, 10);
 	options = argv + 3;
 	n_options = argc > 3 ? argc - 3 : 0;
+	if (argc > 1)
+		cmocka_set_test_filter("the_walk*");
 	return cmocka_run_group_tests(tests, NULL, NULL);
 }

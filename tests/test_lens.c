@@ -251,10 +251,10 @@ static void a_room_says_what_its_lenses_are(void **state)
 	assert_true(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 60 / 180), 1, 0 }, 0));
 	assert_false(bb_camera_sees(c, (struct bb_vec3){ tan(PI * 65 / 180), 1, 0 }, 0));
 	bb_room_free(room);
-	room = room_from(ROOM("focal_px: 500, k3: -0.01, p1: 0.001, p2: -0.002"), &err);
+	room = room_from(ROOM("focal_px: 500, k3: -0.01, p1: 0.001, p2: -0.002, readout_us: 2000, row_us: 8"), &err);
 	assert_non_null(room);
 	c = &room->cameras[0];
-	assert_true(c->lens == BB_LENS_BROWN && c->fx_px == 500 && c->fy_px == 500 && c->cx_px == 319.5 && c->k3 == -0.01);
+	assert_true(c->lens == BB_LENS_BROWN && c->fx_px == 500 && c->fy_px == 500 && c->cx_px == 319.5 && c->k3 == -0.01 && c->row_us == 8);
 	assert_true(fabs(c->fov_deg - 2 * atan(0.64) * 180 / PI) < 1e-9 && c->p1 == 0.001 && c->p2 == -0.002);
 	bb_room_free(room);
 }
@@ -270,6 +270,7 @@ static void impossible_lenses_are_refused(void **state)
 		{ 1110, ROOM("focal_px: 500, fov_deg: 60") },
 		{ 1110, ROOM("focal_px: 2") },
 		{ 1110, ROOM("centre_px: [-20, 240]") },
+		{ 1110, ROOM("readout_us: 2000, row_us: 9") },
 		{ 1110, ROOM("fov_deg: 100, k1: -0.4") },
 		{ 1110, ROOM("fov_deg: 100, k3: -0.2") },
 		{ 1110, ROOM("fov_deg: 130, p1: 0.1") },

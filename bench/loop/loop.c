@@ -303,7 +303,7 @@ enum bb_status bb_loop_create(struct bb_frame_loop *l, struct bb_error *err)
 	if (status == BB_OK)
 		status = create_tracker(l);
 	if (status == BB_OK && l->tracker)
-		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing);
+		status = bb_seeing_create(l->room->cameras, l->rig->cameras, l->room->n_cameras, &l->seeing, err);
 	if (status == BB_OK)
 		status = bb_crosstalk_create(l->rig, &l->crosstalk);
 	if (status == BB_OK)

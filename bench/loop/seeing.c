@@ -13,9 +13,9 @@ struct bb_seeing {
 	struct bb_spot spot[BB_CAMERA_BLOBS_MAX];
 };
 
-static enum bb_status take(struct bb_seeing *s, const struct bb_camera_config *configs, struct bb_camera *const *cameras)
+static enum bb_status take(struct bb_seeing *s, const struct bb_camera_config *configs, struct bb_camera *const *cameras,
+                           struct bb_error *err)
 {
-	const struct bb_blobs_config usual = bb_blobs_usual();
 	enum bb_status status = BB_OK;
 	size_t most = 1;
 
@@ -25,9 +25,14 @@ static enum bb_status take(struct bb_seeing *s, const struct bb_camera_config *c
 		return BB_ERR_NOMEM;
 	for (size_t i = 0; i < s->n && status == BB_OK; i++) {
 		const struct bb_camera_config *c = &configs[i];
-		if (!cameras[i] || !bb_camera_limits(cameras[i])->grey)
+		const struct bb_camera_limits *limits = cameras[i] ? bb_camera_limits(cameras[i]) : NULL;
+		if (!limits || !limits->grey)
 			continue;
-		status = bb_blob_finder_create(&usual, c->width_px, c->height_px, &s->finder[i]);
+		const struct bb_blobs_config finder = bb_blobs_above(limits->black, limits->black_noise);
+		status = bb_blob_finder_create(&finder, c->width_px, c->height_px, &s->finder[i]);
+		if (status == BB_ERR_RANGE)
+			return bb_fail(err, BB_ERR_CONFIG, 1722, NULL, "camera/%s: black %g, noise %g, %lld x %lld pixels", c->id,
+			               limits->black, limits->black_noise, (long long)c->width_px, (long long)c->height_px);
 		s->width_px[i] = c->width_px;
 		const size_t pixels = status == BB_OK ? (size_t)c->width_px * (size_t)c->height_px : 0;
 		most = pixels > most ? pixels : most;
@@ -37,7 +42,7 @@ static enum bb_status take(struct bb_seeing *s, const struct bb_camera_config *c
 }
 
 enum bb_status bb_seeing_create(const struct bb_camera_config *configs, struct bb_camera *const *cameras, size_t n,
-                                struct bb_seeing **out)
+                                struct bb_seeing **out, struct bb_error *err)
 {
 	bool any = false;
 
@@ -48,12 +53,12 @@ enum bb_status bb_seeing_create(const struct bb_camera_config *configs, struct b
 		return BB_OK;
 	struct bb_seeing *s = calloc(1, sizeof(*s));
 	if (!s)
-		return BB_ERR_NOMEM;
+		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "blob finders");
 	s->n = n;
-	const enum bb_status status = take(s, configs, cameras);
+	const enum bb_status status = take(s, configs, cameras, err);
 	if (status != BB_OK) {
 		bb_seeing_destroy(s);
-		return status;
+		return bb_fail(err, status, 1702, NULL, "blob finders");
 	}
 	*out = s;
 	return BB_OK;

@@ -72,8 +72,10 @@ static enum bb_status start(struct bb_studio *s, struct bb_error *err)
 {
 	struct bb_studio_private *own = s->own;
 
-	if (bb_seeing_create(s->room->cameras, own->rig.cameras, s->room->n_cameras, &own->seeing))
-		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "blob finders");
+	const enum bb_status seeing =
+		bb_seeing_create(s->room->cameras, own->rig.cameras, s->room->n_cameras, &own->seeing, err);
+	if (seeing)
+		return seeing;
 	own->maps = calloc(s->room->n_cameras, sizeof(*own->maps));
 	own->blobs = calloc(BB_CAMERA_BLOBS_MAX, sizeof(*own->blobs));
 	if (!own->maps || !own->blobs)

@@ -132,9 +132,9 @@ static bool same(double a, double b)
 static bool same_camera(const struct bb_camera_config *a, const struct bb_camera_config *b)
 {
 	const double x[] = { a->fx_px, a->fy_px, a->cx_px, a->cy_px, a->k1, a->k2, a->k3, a->k4, a->p1, a->p2, a->sync_offset_us,
-			     a->exposure_us, a->readout_us, a->transfer_us, a->transfer_jitter_us, a->noise_px };
+			     a->exposure_us, a->readout_us, a->row_us, a->transfer_us, a->transfer_jitter_us, a->noise_px };
 	const double y[] = { b->fx_px, b->fy_px, b->cx_px, b->cy_px, b->k1, b->k2, b->k3, b->k4, b->p1, b->p2, b->sync_offset_us,
-			     b->exposure_us, b->readout_us, b->transfer_us, b->transfer_jitter_us, b->noise_px };
+			     b->exposure_us, b->readout_us, b->row_us, b->transfer_us, b->transfer_jitter_us, b->noise_px };
 
 	for (size_t i = 0; i < BB_ARRAY_LEN(x); i++)
 		if (!same(x[i], y[i]))

@@ -35,6 +35,7 @@ const struct bb_option room_camera_options[] = {
 	F64("sync_offset_us", C, camera.sync_offset_us, 0, 0, 100000, "exposure begins this long after its edge"),
 	F64("exposure_us", C, camera.exposure_us, 1000, 1, 100000, "strobe and exposure"),
 	F64("readout_us", C, camera.readout_us, 4000, 0, 100000, "end of exposure to end of read-out"),
+	F64("row_us", C, camera.row_us, 0, 0, 100, "of a rolling shutter: row to row, downwards"),
 	F64("transfer_us", C, camera.transfer_us, 1000, 0, 100000, "end of read-out to arrival on the host"),
 	F64("transfer_jitter_us", C, camera.transfer_jitter_us, 100, 0, 100000, "simulated, sd"),
 	F64("noise_px", C, camera.noise_px, 0.05, 0, 10, "simulated error of a blob's centre, sd, each axis"),
@@ -160,6 +161,9 @@ static enum bb_status check_camera(struct room_build *b, const struct room_camer
 
 	if (c->exposure_us >= 1e6 / d->rate_hz)
 		return bb_yaml_fail(r, 1110, d->at, "'%s' exposes longer than its period of %.0f us", c->id, 1e6 / d->rate_hz);
+	if (c->row_us * (double)(c->height_px - 1) / 2 > c->readout_us)
+		return bb_yaml_fail(r, 1110, d->at, "'%s': its last row exposes %.0f us after the middle one, longer than readout_us",
+		                    c->id, c->row_us * (double)(c->height_px - 1) / 2);
 	if (c->sync == BB_SYNC_SHUTTERS && !b->room->has_chain)
 		return bb_yaml_fail(r, 1118, d->at, "'%s' follows shutters the room does not have", c->id);
 	if (c->lens == BB_LENS_FISHEYE && (c->p1 != 0 || c->p2 != 0))

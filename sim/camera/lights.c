@@ -68,23 +68,34 @@ static double radius_px(const struct sim_eye *eye, struct bb_vec3 p, const doubl
 	return (hypot(a[0] - px[0], a[1] - px[1]) + hypot(b[0] - px[0], b[1] - px[1])) / 2;
 }
 
+bool sim_lights_place(const struct sim_eye *eye, size_t i, bool mirrored, struct bb_vec3 *p, double px[2], int64_t *at_ns)
+{
+	const double row_ns = eye->config->row_us * 1e3, middle = (double)(eye->config->height_px - 1) / 2;
+
+	*at_ns = eye->mid_ns;
+	*p = marker_at(eye, i, *at_ns, mirrored);
+	for (int k = 0; k <= SETTLE; k++) {
+		const struct bb_vec3 in_camera = bb_pose_inverse_apply(&eye->pose, *p);
+		if (!(in_camera.z >= SIM_CAMERA_NEAR_M) || bb_vec3_norm(in_camera) > SIM_CAMERA_FAR_M || !pixel(eye, *p, px))
+			return false;
+		if (!(row_ns > 0))
+			break;
+		const double row = fmin(fmax(px[1] - middle, -middle), middle); /* beside the sensor there are none */
+		*at_ns = eye->mid_ns + llround(row * row_ns);
+		*p = marker_at(eye, i, *at_ns, mirrored);
+	}
+	return true;
+}
+
 static bool see_one(const struct sim_eye *eye, size_t i, bool mirrored, double share, struct sim_light *out)
 {
 	const struct bb_camera_config *c = eye->config;
-	const int64_t row_ns = llround(eye->lamp->row_us * 1e3);
-	int64_t mid_ns = eye->mid_ns;
-	struct bb_vec3 p = marker_at(eye, i, mid_ns, mirrored);
 	double px[2], from[2], to[2];
+	struct bb_vec3 p;
+	int64_t mid_ns;
 
-	for (int k = 0; k <= SETTLE; k++) {
-		const struct bb_vec3 in_camera = bb_pose_inverse_apply(&eye->pose, p);
-		if (!(in_camera.z >= SIM_CAMERA_NEAR_M) || bb_vec3_norm(in_camera) > SIM_CAMERA_FAR_M || !pixel(eye, p, px))
-			return false;
-		if (!row_ns)
-			break;
-		mid_ns = eye->mid_ns + llround((px[1] - (double)(c->height_px - 1) / 2) * (double)row_ns);
-		p = marker_at(eye, i, mid_ns, mirrored);
-	}
+	if (!sim_lights_place(eye, i, mirrored, &p, px, &mid_ns))
+		return false;
 	if (!(px[0] >= -0.5 && px[1] >= -0.5 && px[0] < (double)c->width_px - 0.5 && px[1] < (double)c->height_px - 0.5))
 		return false;
 	const int64_t half_ns = eye->exposure_ns / 2;

@@ -13,7 +13,6 @@ struct sim_lamp { /* of one camera, and the markers in its light */
 	double marker_grey; /* level above black of a marker, were it wider than the blur, lamp_m away after lamp_ns of exposure */
 	double lamp_m;      /* the lamp is set for the middle of the room, light falls with the distance squared */
 	int64_t lamp_ns;    /* and for the camera's usual exposure */
-	double row_us;      /* a rolling shutter's rows expose this long after one another; 0: all at once */
 	double mirror;      /* share of the light that the floor returns */
 };
 
@@ -25,6 +24,9 @@ struct sim_eye {
 	int64_t mid_ns, exposure_ns; /* of its middle row */
 	double mirror;            /* more than the lamp's */
 };
+/* Where world marker i is, and when, in the middle of the exposure of the row that shows it, hidden or not. mirrored: its
+ * image below the floor. False: it is behind, too near or far, or where the lens folds. */
+bool sim_lights_place(const struct sim_eye *eye, size_t i, bool mirrored, struct bb_vec3 *p, double px[2], int64_t *at_ns);
 /* Up to cap lights, ghosts after the markers; *n_out <= cap. False: there were more. */
 bool sim_lights_see(const struct sim_eye *eye, struct sim_light *out, size_t cap, size_t *n_out);
 

@@ -25,23 +25,33 @@ static bool put(struct bb_blob *blobs, size_t *n, struct bb_blob blob)
 	return true;
 }
 
+static struct sim_eye eye_at(const struct sim_camera *c, int64_t mid_ns)
+{
+	return (struct sim_eye){ .world = c->world, .config = &c->base.config, .lamp = &c->lamp, .pose = pose_now(c),
+		                 .mid_ns = mid_ns, .exposure_ns = c->exposure_ns, .mirror = (double)c->mirror_ppm * 1e-6 };
+}
+
 static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_rng *r, struct bb_blob *blobs,
                         size_t *n)
 {
-	const struct bb_pose pose = pose_now(c);
+	const struct sim_eye eye = eye_at(c, mid_ns);
 	const double sd_px = c->base.limits.blob_error_px + (double)c->noise_npx * 1e-9;
 	struct bb_vec3 marker[BB_BODIES_MAX * 6];
 	const size_t n_markers = sim_world_markers(c->world, mid_ns, marker, BB_ARRAY_LEN(marker));
 	const double size = c->lamp.marker_mm / (SIM_MARKER_DIAMETER_M * 1e3);
 	struct bb_blob blob;
 	bool fits = true;
+	double px[2];
 
 	for (size_t i = 0; i < n_markers; i++) {
 		/* Drawn for every marker, seen or not: what hides one does not move another. */
 		const double dx = sd_px * sim_rng_normal(r), dy = sd_px * sim_rng_normal(r);
-		if (!sim_camera_project(&c->base.config, bb_pose_inverse_apply(&pose, marker[i]), &blob))
+		int64_t at_ns = mid_ns;
+		if (c->base.config.row_us > 0 && !sim_lights_place(&eye, i, false, &marker[i], px, &at_ns))
 			continue;
-		if (!c->ideal && !sim_world_visible(c->world, c->base.config.pose.p, marker[i], mid_ns))
+		if (!sim_camera_project(&c->base.config, bb_pose_inverse_apply(&eye.pose, marker[i]), &blob))
+			continue;
+		if (!c->ideal && !sim_world_visible(c->world, c->base.config.pose.p, marker[i], at_ns))
 			continue;
 		blob.x_px = (float)((double)blob.x_px + dx);
 		blob.y_px = (float)((double)blob.y_px + dy);
@@ -49,12 +59,6 @@ static bool see_markers(const struct sim_camera *c, int64_t mid_ns, struct sim_r
 		fits &= put(blobs, n, blob);
 	}
 	return fits;
-}
-
-static struct sim_eye eye_at(const struct sim_camera *c, int64_t mid_ns)
-{
-	return (struct sim_eye){ .world = c->world, .config = &c->base.config, .lamp = &c->lamp, .pose = pose_now(c),
-		                 .mid_ns = mid_ns, .exposure_ns = c->exposure_ns, .mirror = (double)c->mirror_ppm * 1e-6 };
 }
 
 /* What a polished floor returns is near the threshold: each ghost is there in that share of the frames. */

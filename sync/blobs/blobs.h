@@ -30,6 +30,9 @@ struct bb_blobs_config {
 };
 /* low 14, high 28, black 4, 3 to 2000 px, roundness 0.5, 256 spots, 16384 runs, refined. */
 struct bb_blobs_config bb_blobs_usual(void);
+/* The same for a camera whose dark pixels have another level and noise (sd): low 10 levels above black or 3 sds, high 24
+ * or 6. Nobody can look where that is past 255, and bb_blob_finder_create says so. */
+struct bb_blobs_config bb_blobs_above(double black, double noise);
 
 enum bb_spot_flags {
 	BB_SPOT_SATURATED = 1, /* a pixel is 255: the centroid is all there is */

@@ -4,6 +4,7 @@
  */
 #include "sync/blobs/blobs_private.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -59,6 +60,16 @@ struct bb_blobs_config bb_blobs_usual(void)
 	return (struct bb_blobs_config){ .low = 14, .high = 28, .black = 4, .least_area_px = 3, .most_area_px = 2000,
 		                         .least_roundness = 0.5, .most_spots = BB_CAMERA_BLOBS_MAX, .most_runs = 16384,
 		                         .refine = true };
+}
+
+struct bb_blobs_config bb_blobs_above(double black, double noise)
+{
+	struct bb_blobs_config c = bb_blobs_usual();
+
+	c.black = black;
+	c.low = (int)ceil(fmin(black + fmax(10, 3 * noise), 256));
+	c.high = (int)ceil(fmin(black + fmax(24, 6 * noise), 256));
+	return c;
 }
 
 static bool in(double value, double least, double most)

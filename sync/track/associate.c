@@ -109,6 +109,17 @@ static struct bb_vec3 moved_to(const struct bb_track_candidate *c, struct bb_vec
 	return bb_vec3_add(p, bb_vec3_scale(v, dt_s));
 }
 
+/* Of a marker, when its row exposes. */
+static bool image_of(const struct bb_lens *lens, const struct bb_track_candidate *c, struct bb_vec3 p, struct bb_vec3 pivot,
+		     double dt_s, double px[2])
+{
+	if (!bb_lens_project(lens, moved_to(c, p, pivot, dt_s), px))
+		return false;
+	if (!(lens->row_s > 0))
+		return true;
+	return bb_lens_project(lens, moved_to(c, p, pivot, dt_s + bb_lens_row_s(lens, px[1])), px);
+}
+
 static void associate_camera(const struct bb_tracker *tr, const struct bb_track_set *set, size_t camera, size_t body,
 			     const struct bb_vec3 *markers, struct bb_vec3 pivot, const struct bb_track_gate *gate,
 			     struct bb_track_candidate *c)
@@ -135,7 +146,7 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 	const double gate_px = fmax(BB_TRACK_GATE * sigma_px, fmin(wide, gate->most_px));
 	const double merge_px = 2 * (BB_TRACK_GATE + MERGE_NOISE) * tr->config.blob_sigma_px;
 	for (size_t m = 0; m < n; m++)
-		seen[m] = bb_lens_project(lens, moved_to(c, markers[m], pivot, dt_s), px[m]) && on_sensor(lens, px[m]);
+		seen[m] = image_of(lens, c, markers[m], pivot, dt_s, px[m]) && on_sensor(lens, px[m]);
 	const size_t n_list = blobs_in_reach(view, body, (const double(*)[2])px, seen, n, gate_px, list);
 	for (size_t m = 0; m < n; m++)
 		if (seen[m])
@@ -148,8 +159,8 @@ static void associate_camera(const struct bb_tracker *tr, const struct bb_track_
 			continue;
 		}
 		c->obs[c->n_obs++] = (struct bb_track_obs){ (uint16_t)camera, chosen[i]->blob,    chosen[i]->marker,
-							    (float)dt_s,      (double)blob->x_px, (double)blob->y_px,
-							    worse };
+							    (float)(dt_s + bb_lens_row_s(lens, (double)blob->y_px)),
+							    (double)blob->x_px, (double)blob->y_px, worse };
 	}
 }
 

@@ -121,6 +121,7 @@ bool bb_lens_init(struct bb_lens *lens, const struct bb_camera_config *config)
 	lens->cy_px = config->cy_px;
 	lens->width_px = (double)config->width_px;
 	lens->height_px = (double)config->height_px;
+	lens->row_s = 1e-6 * config->row_us;
 	lens->fisheye = config->lens == BB_LENS_FISHEYE;
 	lens->k[0] = config->k1;
 	lens->k[1] = config->k2;
@@ -141,6 +142,13 @@ static struct bb_vec3 to_camera(const struct bb_lens *lens, struct bb_vec3 room)
 	return (struct bb_vec3){ lens->r[0][0] * d.x + lens->r[0][1] * d.y + lens->r[0][2] * d.z,
 				 lens->r[1][0] * d.x + lens->r[1][1] * d.y + lens->r[1][2] * d.z,
 				 lens->r[2][0] * d.x + lens->r[2][1] * d.y + lens->r[2][2] * d.z };
+}
+
+double bb_lens_row_s(const struct bb_lens *lens, double y_px)
+{
+	const double middle = (lens->height_px - 1) / 2;
+
+	return fmin(fmax(y_px - middle, -middle), middle) * lens->row_s;
 }
 
 double bb_lens_depth(const struct bb_lens *lens, struct bb_vec3 room)

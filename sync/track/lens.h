@@ -13,6 +13,7 @@ struct bb_lens {
 	double r[3][3]; /* rows are the camera's axes: p_camera = r (p_room - o) */
 	struct bb_vec3 o;
 	double fx_px, fy_px, cx_px, cy_px, width_px, height_px;
+	double row_s;         /* row to row of a rolling shutter */
 	bool fisheye;
 	double k[4], p1, p2;
 	double radius_max;    /* of X / Z, Y / Z: trusted up to here */
@@ -31,6 +32,8 @@ bool bb_lens_project(const struct bb_lens *lens, struct bb_vec3 room, double px[
 /* The same with d px / d room. */
 bool bb_lens_derive(const struct bb_lens *lens, struct bb_vec3 room, double px[2], double jac[2][3]);
 bool bb_lens_ray(const struct bb_lens *lens, double x_px, double y_px, struct bb_ray *ray);
+/* When a row exposes, after the middle one. */
+double bb_lens_row_s(const struct bb_lens *lens, double y_px);
 /* Depth along the optical axis. */
 double bb_lens_depth(const struct bb_lens *lens, struct bb_vec3 room);
 

@@ -12,7 +12,7 @@
 struct bb_track_obs { /* a blob said to be a marker */
 	uint16_t camera, blob;
 	uint8_t marker;
-	float dt_s; /* this camera's mid-exposure minus the set's */
+	float dt_s; /* mid-exposure of its row minus the set's */
 	double x_px, y_px;
 	double worse; /* its noise over sigma_px; 0: 1 */
 };
