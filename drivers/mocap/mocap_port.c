@@ -419,8 +419,6 @@ struct bb_mocap_counts bb_mocap_counts(const struct bb_mocap *m)
 		const struct natnet_counts *n = natnet_server_counts(m->natnet);
 		c.natnet_heard = n->heard;
 		c.natnet_refused += n->malformed + n->beyond_rate + n->refused_clients;
-		while (natnet_server_client(m->natnet, c.natnet_clients))
-			c.natnet_clients++;
 	}
 	return c;
 }
