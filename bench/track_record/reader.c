@@ -82,7 +82,7 @@ static enum bb_status refill(struct bb_record_reader *r, struct bb_error *err)
 			r->unfinished = ZSTD_decompressStream(r->unpack, &out, &r->in);
 			if (ZSTD_isError(r->unfinished))
 				return bad(r, err, "the compressed bytes are damaged");
-			r->held = out.pos == out.size;
+			r->held = r->unfinished && out.pos == out.size;
 		}
 	}
 	r->n_text = out.pos;
