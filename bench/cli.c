@@ -9,9 +9,11 @@
 #include <errno.h>
 #include <math.h>
 #include <jansson.h>
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/signalfd.h>
 
 #ifndef BB_REVISION
 #define BB_REVISION "unknown"
@@ -439,4 +441,15 @@ int bb_cli_main(const struct bb_command *const *commands, int argc, const char *
 		return bb_cli_fail(st, &err);
 	}
 	return cli.command->run(&cli);
+}
+
+int bb_cli_signals(void)
+{
+	sigset_t set;
+
+	sigemptyset(&set);
+	sigaddset(&set, SIGINT);
+	sigaddset(&set, SIGTERM);
+	sigprocmask(SIG_BLOCK, &set, NULL);
+	return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
 }

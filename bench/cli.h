@@ -54,6 +54,8 @@ int bb_cli_fail(enum bb_status status, const struct bb_error *err);
 /* Prints what --json asks for on standard output; takes the reference (jansson's). Returns an exit code. */
 struct json_t;
 int bb_cli_print_json(struct json_t *root);
+/* SIGINT and SIGTERM as an open file (signalfd, does not block), for a loop that ends between two answers; -1: errno. */
+int bb_cli_signals(void);
 
 /* Takes a command line apart; commands end with NULL. BB_SKIPPED: help or version was asked for (cli->command is the
  * command to explain, NULL for all; option "version" is set for the version). Errors 1701 and 1703. */

@@ -29,6 +29,10 @@ enum bb_status bb_file_begin(struct bb_file *f, const char *path, struct bb_erro
 		errno = ENAMETOOLONG;
 		return write_failed(f, err, "open");
 	}
+	if (!*path) {
+		errno = ENOENT;
+		return write_failed(f, err, "open");
+	}
 	if (!bb_path_may_be_replaced(path)) {
 		errno = EEXIST;
 		return write_failed(f, err, "no regular file");

@@ -384,6 +384,18 @@ static void gather(struct work *w)
 	bb_blackbox_rank(w->blackbox, w->run->result);
 }
 
+/* A recording that is not whole is taken away: if that is because the disk is full, there is room for the report then. */
+static enum bb_status write_down(struct work *w, struct bb_error *err)
+{
+	const enum bb_status recorded = bb_outlets_commit(&w->loop, err);
+
+	tell(w, "writing the report");
+	enum bb_status status = bb_outcome_write(w->run->result, w->o->out_dir, err);
+	if (status == BB_OK)
+		status = bb_blackbox_write(w->blackbox, w->run->result, w->o->out_dir, err);
+	return status == BB_OK ? recorded : status;
+}
+
 enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, struct bb_error *err)
 {
 	const int64_t started_ns = bb_clock_stopwatch_ns();
@@ -419,12 +431,7 @@ enum bb_status bb_run(const struct bb_run_options *options, struct bb_run *out, 
 	}
 	if (status == BB_OK && !options->processes.process) {
 		out->result->wall_time_s = (double)(bb_clock_stopwatch_ns() - started_ns) * 1e-9;
-		tell(w, "writing the report");
-		status = bb_outcome_write(out->result, options->out_dir, err);
-		if (status == BB_OK)
-			status = bb_blackbox_write(w->blackbox, out->result, options->out_dir, err);
-		if (status == BB_OK)
-			status = bb_outlets_commit(&w->loop, err);
+		status = write_down(w, err);
 	}
 	release(w);
 	free(w);

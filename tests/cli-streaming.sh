@@ -83,6 +83,15 @@ client again natnet "$natnet" 0.3
 check "... of others" is again "len(r['frames']) > 10"
 stop
 check "... and the server ends well" [ $? = 0 ]
+serve rooms/cabin.yaml --path scenes/walk.path --rate 1000
+python3 -c 'import socket, sys, time
+s = socket.socket()
+s.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+s.connect(("127.0.0.1", int(sys.argv[1])))
+s.sendall(b"vrpn: ver. 07.38  0" + bytes(5))
+time.sleep(1.5)' "$vrpn"
+stop
+check "who does not read gets no old poses later" grep -q 'VRPN: .* [1-9][0-9]* dropped' "$work/serve.err"
 cat >"$work/same.py" <<END
 import json, sys
 r = json.load(open(sys.argv[1]))

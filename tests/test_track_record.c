@@ -15,6 +15,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+#include <zstd.h>
 
 #include "bench/track_record/record.h"
 #include "sim/world.h"
@@ -204,6 +205,30 @@ static void test_cut(void **state)
 	}
 }
 
+/* What a writer flushed before it was killed is read to its last line, though it unpacks to more than one read's room. */
+static void test_killed_after_flush(void **state)
+{
+	static uint8_t text[131072], packed[131072];
+	int number;
+
+	(void)state;
+	write_file(PLAIN, 2000);
+	FILE *f = fopen(PLAIN, "rb");
+	assert_non_null(f);
+	const size_t n = fread(text, 1, sizeof(text), f);
+	fclose(f);
+	assert_int_equal(n, sizeof(text));
+	ZSTD_CStream *z = ZSTD_createCStream();
+	ZSTD_inBuffer in = { text, n, 0 };
+	ZSTD_outBuffer out = { packed, sizeof(packed), 0 };
+	assert_int_equal(ZSTD_compressStream2(z, &out, &in, ZSTD_e_flush), 0);
+	ZSTD_freeCStream(z);
+	const size_t want = items_in(text, n, &number);
+	assert_true(want > 100);
+	assert_int_equal(items_in(packed, out.pos, &number), want);
+	assert_int_equal(number, 1763);
+}
+
 /* A broken camera and a broken pad must not make a recording that cannot be read. */
 static void test_nonsense(void **state)
 {
@@ -259,6 +284,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_round_trip),
 		cmocka_unit_test(test_cut),
+		cmocka_unit_test(test_killed_after_flush),
 		cmocka_unit_test(test_nonsense),
 		cmocka_unit_test(test_old_or_new),
 	};

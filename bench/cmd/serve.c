@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -151,18 +150,6 @@ static enum bb_status plant(struct bb_serve *s, struct faults *f, struct bb_erro
 
 /* ---- the loop ---- */
 
-/* SIGINT and SIGTERM as an open file, so that the loop ends between two answers. */
-static int signals(void)
-{
-	sigset_t set;
-
-	sigemptyset(&set);
-	sigaddset(&set, SIGINT);
-	sigaddset(&set, SIGTERM);
-	sigprocmask(SIG_BLOCK, &set, NULL);
-	return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
-}
-
 static void serve_until(struct bb_serve *s, void *const *states, int signal_fd, int64_t end_ns)
 {
 	struct signalfd_siginfo told;
@@ -205,7 +192,7 @@ static int serve(struct bb_serve *s, struct faults *faults, struct bb_error *err
 	double for_s;
 	int code = BB_EXIT_INTERNAL;
 	enum bb_status status = bb_cli_number(s->cli, "for", 0, 0.01, 1e9, &for_s, err);
-	const int fd = signals();
+	const int fd = bb_cli_signals();
 
 	prctl(PR_SET_TIMERSLACK, 1UL, 0, 0, 0); /* a controller's edge is not to be 50 us late for the sake of a battery */
 	if (status == BB_OK && (fd < 0 || !sim_wire_watch(s->wire, fd)))

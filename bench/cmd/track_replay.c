@@ -75,8 +75,6 @@ static int run_replay(const struct bb_cli *cli)
 	struct bb_replay result;
 	enum bb_status status = bb_cli_number(cli, "speed", 0, 0, 1000, &c.speed, &err);
 
-	if (status == BB_OK && c.speed > 0 && c.speed < 0.01)
-		status = bb_fail(&err, BB_ERR_USAGE, 1704, NULL, "--speed %g: 0, or 0.01 to 1000", c.speed);
 	if (status == BB_OK && room_file)
 		status = bb_room_load(room_file, &room, &err);
 	c.room = room;

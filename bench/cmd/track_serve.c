@@ -5,7 +5,6 @@
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
-#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -127,17 +126,6 @@ static enum bb_status advance(struct serve *s, struct bb_error *err)
 
 /* ---- the loop ---- */
 
-static int signals(void)
-{
-	sigset_t set;
-
-	sigemptyset(&set);
-	sigaddset(&set, SIGINT);
-	sigaddset(&set, SIGTERM);
-	sigprocmask(SIG_BLOCK, &set, NULL);
-	return signalfd(-1, &set, SFD_CLOEXEC | SFD_NONBLOCK);
-}
-
 static enum bb_status serve_until(struct serve *s, int signal_fd, int64_t end_ns, struct bb_error *err)
 {
 	struct signalfd_siginfo told;
@@ -232,7 +220,7 @@ static enum bb_status serve(struct serve *s, struct bb_error *err)
 
 	if (status != BB_OK)
 		return status;
-	const int fd = signals();
+	const int fd = bb_cli_signals();
 	if (fd < 0)
 		return bb_fail(err, BB_ERR_INTERNAL, 1760, NULL, "no signalfd: %s", strerror(errno));
 	if (bb_cli_has(s->cli, "json")) {

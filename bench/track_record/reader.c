@@ -23,7 +23,8 @@ struct bb_record_reader {
 	const uint8_t *memory;
 	size_t n_memory;
 	ZSTD_DStream *unpack;
-	bool packed, dry, ended; /* dry: no bytes are left; ended: by its own last line */
+	bool packed, ended;      /* ended: by its own last line */
+	bool held;               /* there may be more text in the unpacker than was room for */
 	ZSTD_inBuffer in;        /* what of raw is not used yet */
 	size_t n_text, at_text;
 	size_t unfinished;       /* 0: the compressed bytes are whole, their checksum too */
@@ -71,7 +72,7 @@ static enum bb_status refill(struct bb_record_reader *r, struct bb_error *err)
 
 	r->at_text = r->n_text = 0;
 	while (!out.pos) {
-		if (r->in.pos == r->in.size && !fetch(r))
+		if (r->in.pos == r->in.size && !r->held && !fetch(r))
 			return BB_SKIPPED;
 		if (!r->packed) {
 			memcpy(r->text, (const uint8_t *)r->in.src + r->in.pos, r->in.size - r->in.pos);
@@ -81,6 +82,7 @@ static enum bb_status refill(struct bb_record_reader *r, struct bb_error *err)
 			r->unfinished = ZSTD_decompressStream(r->unpack, &out, &r->in);
 			if (ZSTD_isError(r->unfinished))
 				return bad(r, err, "the compressed bytes are damaged");
+			r->held = r->unfinished && out.pos == out.size;
 		}
 	}
 	r->n_text = out.pos;
@@ -463,7 +465,7 @@ enum bb_status bb_record_open_bytes(const uint8_t *bytes, size_t n, struct bb_re
 	snprintf(r->path, sizeof(r->path), "memory");
 	r->memory = bytes;
 	r->n_memory = n;
-	r->packed = r->ended = false;
+	r->packed = r->held = r->ended = false;
 	r->n_text = r->at_text = r->unfinished = 0;
 	r->n_frames = r->n_poses = 0;
 	r->line_no = 0;

@@ -8,6 +8,8 @@
 #include <string.h>
 #include <zstd.h>
 
+#include "hal/hash.h"
+
 #define PACK_LEVEL 3
 #define OUT_BYTES 65536
 #define FLUSH_BYTES 65536 /* of text */
@@ -35,14 +37,9 @@ void bb_record_word(char out[BB_ID_MAX], const char *text)
 
 void bb_record_head_of(struct bb_record_head *h, const struct bb_room *room, const struct bb_tracker_config *tracker)
 {
-	static const char digits[] = "0123456789abcdef";
-
 	memset(h, 0, sizeof(*h));
 	snprintf(h->room, sizeof(h->room), "%s", room->name);
-	for (size_t i = 0; i < 32; i++) {
-		h->sha256[2 * i] = digits[room->sha256[i] >> 4];
-		h->sha256[2 * i + 1] = digits[room->sha256[i] & 15];
-	}
+	bb_hash_hex(room->sha256, h->sha256);
 	h->n_bodies = room->n_bodies;
 	memcpy(h->body, room->bodies, sizeof(h->body));
 	h->n_cameras = room->n_cameras < BB_RECORD_CAMERAS_MAX ? room->n_cameras : BB_RECORD_CAMERAS_MAX;
@@ -95,6 +92,8 @@ static void flush_line(struct bb_recorder *r)
 	if (r->pack)
 		pack(r, flush ? ZSTD_e_flush : ZSTD_e_continue);
 	else if (fwrite(r->line, 1, r->n, r->file.out) != r->n)
+		r->failed = true;
+	if (flush && fflush(r->file.out))
 		r->failed = true;
 	r->n = 0;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "bench/loop/tracking.h"
+#include "hal/hash.h"
 
 #define EXPECTED_MAX (BB_BODIES_MAX * TRACK_SOLUTIONS_MAX)
 
@@ -42,7 +43,6 @@ void bb_poses_csv_row(FILE *out, const char *body, const struct bb_track_solutio
 
 static void keep(struct work *w, const struct bb_record_pose *p)
 {
-	w->out->by_body[p->body]++;
 	if (w->csv.out)
 		bb_poses_csv_row(w->csv.out, w->head->body[p->body].id, &p->solution);
 }
@@ -90,7 +90,7 @@ static void solve(struct work *w)
 static void wait_for(struct work *w, int64_t now_ns)
 {
 	if (w->clk)
-		bb_clock_run_until(w->clk, (int64_t)fmin((double)(now_ns - w->out->first_ns) / w->c->speed, 9e18));
+		bb_clock_run_until(w->clk, (int64_t)fmin(fmax((double)(now_ns - w->out->first_ns) / w->c->speed, 0), 9e18));
 }
 
 static void take(struct work *w, const struct bb_record_item *item)
@@ -133,10 +133,9 @@ static enum bb_status check_room(const struct work *w, struct bb_error *err)
 {
 	const struct bb_room *room = w->c->room;
 	const struct bb_where where = { w->c->path, 0, 0 };
-	char sum[65];
+	char sum[BB_HASH_HEX];
 
-	for (size_t i = 0; i < 32; i++)
-		snprintf(sum + 2 * i, 3, "%02x", room->sha256[i]);
+	bb_hash_hex(room->sha256, sum);
 	if (!w->head->has_tracker)
 		return bb_fail(err, BB_ERR_CONFIG, 1764, &where, "it holds poses only: nothing to track again");
 	if (w->head->n_cameras != room->n_cameras || w->head->n_bodies != room->n_bodies)

@@ -19,7 +19,6 @@ struct bb_replay {
 	char room[64];
 	uint64_t frames, blobs, solves, pad_reports;
 	uint64_t poses_recorded, poses_replayed, same; /* same: bit for bit, in its place */
-	uint64_t by_body[BB_BODIES_MAX];               /* of the replayed ones (room NULL: recorded) */
 	int64_t first_ns, last_ns;                     /* of the solves */
 	bool truncated;                                /* err says after what */
 };

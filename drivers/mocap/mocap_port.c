@@ -257,7 +257,7 @@ static void drop(struct connection *c)
 
 static void adopt(struct bb_mocap *m, int fd, int64_t now_ns)
 {
-	const int on = 1;
+	const int on = 1, most = VRPN_OUT_BYTES;
 
 	for (size_t i = 0; i < MOCAP_VRPN_MAX; i++) {
 		struct connection *c = &m->connection[i];
@@ -266,6 +266,8 @@ static void adopt(struct bb_mocap *m, int fd, int64_t now_ns)
 		c->fd = fd;
 		c->moved_ns = now_ns;
 		(void)setsockopt(fd, IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on)); /* a pose is not to wait for the next one */
+		/* Nor behind the minute of old ones that would fit the kernel's megabytes. */
+		(void)setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &most, sizeof(most));
 		vrpn_session_begin(&c->session, &m->config.model, now_ns);
 		m->counts.vrpn_connections++;
 		return;
@@ -419,8 +421,6 @@ struct bb_mocap_counts bb_mocap_counts(const struct bb_mocap *m)
 		const struct natnet_counts *n = natnet_server_counts(m->natnet);
 		c.natnet_heard = n->heard;
 		c.natnet_refused += n->malformed + n->beyond_rate + n->refused_clients;
-		while (natnet_server_client(m->natnet, c.natnet_clients))
-			c.natnet_clients++;
 	}
 	return c;
 }

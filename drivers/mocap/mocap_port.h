@@ -29,8 +29,8 @@ struct bb_mocap_ports {
 };
 
 struct bb_mocap_counts {
-	uint64_t frames, natnet_sent, natnet_heard, natnet_refused, natnet_clients; /* clients: now */
-	uint64_t vrpn_poses, vrpn_dropped, vrpn_connections, vrpn_refused;            /* connections: ever */
+	uint64_t frames, natnet_sent, natnet_heard, natnet_refused;
+	uint64_t vrpn_poses, vrpn_dropped, vrpn_connections, vrpn_refused; /* connections: ever */
 };
 
 struct bb_mocap;

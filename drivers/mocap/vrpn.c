@@ -147,7 +147,6 @@ static bool take_cookie(struct vrpn_session *s, int64_t now_ns)
 {
 	if (memcmp(s->in, VRPN_COOKIE, VRPN_COOKIE_MAJOR) != 0)
 		return hang_up(s, "no VRPN 7 at the other end");
-	s->log_mode = (char)s->in[VRPN_COOKIE_LOG];
 	s->greeted = true;
 	introduce(s, now_ns);
 	return true;

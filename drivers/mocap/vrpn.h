@@ -30,7 +30,6 @@ struct vrpn_session {
 	const struct mocap_model *model; /* borrowed */
 	bool greeted;                    /* their cookie came and is one of ours */
 	int64_t began_ns;
-	char log_mode;
 	int32_t ping;                    /* the client's id of that type; -1: not told */
 	int32_t sequence;
 	int8_t body_of[VRPN_IDS_MAX];    /* the client's senders: 1 + body */
