@@ -69,10 +69,10 @@ disturb() { # NAME...
 }
 begin() { # NAME
 	case $1 in
-	zmq) options="--link zmq --duration 6" ;;
+	zmq) options="--link zmq --duration 5" ;;
 	again) options="--restart --duration 60" ;;
-	hang) options="--duration 6" ;;
-	shm) options="--link shm --duration 6" ;;
+	hang) options="--duration 9" ;;
+	shm) options="--link shm --duration 5" ;;
 	*) options="--duration 60" ;;
 	esac
 	# shellcheck disable=SC2086
@@ -101,13 +101,20 @@ for way in shm zmq; do
 	code=$?
 	check "$way: the rest finish with a verdict" [ $code = 1 ]
 	check "$way: the report says who" [ "$(field "$work/$way/result.json" "sorted(i['culprit'] for i in r['incidents'] if 'pid $2) was killed by signal 9' in i['what'])")" = "['node/floor', 'node/left']" ]
-	check "$way: and when" [ "$(field "$work/$way/result.json" "all(0 < i['from_s'] < 6 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
+	check "$way: and when" [ "$(field "$work/$way/result.json" "all(0 < i['from_s'] < 5 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
 	check "$way: the scene went on to its end" [ "$(field "$work/$way/result.json" "r['counters']['frames'] > 10 and not r['truncated']")" = True ]
 	check "$way: no packet was refused" [ "$(field "$work/$way/result.json" "r['counters']['packets_refused']")" = 0 ]
 	check "$way: nobody is left behind" gone "$@"
 done
 
 disturb hang term dead
+wait "$pid_term"
+check "SIGTERM: the report is there, truncated" [ "$(field "$work/term/result.json" "r['truncated'] and r['counters']['frames'] > 1")" = True ]
+# shellcheck disable=SC2086
+check "SIGTERM: nobody is left behind" gone $pids_term
+wait "$pid_dead" 2>/dev/null
+# shellcheck disable=SC2086
+check "the head dies: nobody outlives it" gone $pids_dead
 OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
 pid_posix=$!
 printf 'scene: slow\ntechnique: calibration\nduration_s: 3\nneeds: {displays: 1}\npatch: {hz: 2, size_m: 1}\n' >"$work/slow.yaml"
@@ -116,13 +123,6 @@ check "walls that others draw are metered, too" [ "$(field "$work/slow/result.js
 wait "$pid_hang"
 check "a process that hangs: the rest go on without it" [ "$(field "$work/hang/result.json" "r['counters']['frames'] > 10 and any('did not come to the swap barrier' in i['what'] for i in r['incidents'])")" = True ]
 check "a process that hangs for a while is back" [ "$(field "$work/hang/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'did not come' in i['what'] and i['culprit'] == 'node/left')")" = True ]
-wait "$pid_term"
-check "SIGTERM: the report is there, truncated" [ "$(field "$work/term/result.json" "r['truncated'] and r['counters']['frames'] > 1")" = True ]
-# shellcheck disable=SC2086
-check "SIGTERM: nobody is left behind" gone $pids_term
-wait "$pid_dead" 2>/dev/null
-# shellcheck disable=SC2086
-check "the head dies: nobody outlives it" gone $pids_dead
 
 # 120 Hz: counters only, a fifth of the frames is enough on any machine
 wait $pid_posix
