@@ -25,7 +25,7 @@
 	X(BB_LINK_RENDER, "render", "render nodes", 1, "both eyes of every screen of the node drawn")               \
 	X(BB_LINK_BARRIER, "barrier", "swap barrier", 0, "image ready to released by the last node and the head")   \
 	X(BB_LINK_PRESENT, "present", "displays", 0, "release to the vblank of the flip")                           \
-	X(BB_LINK_SCANOUT, "scan-out", "displays", 2, "flip to the middle row half as bright as it becomes")                                     \
+	X(BB_LINK_SCANOUT, "scan-out", "displays", 2, "flip to the middle row half as bright as it becomes") \
 	X(BB_LINK_SHUTTER, "shutter", "shutters", 0, "middle row to a shutter that is open for it")
 
 enum bb_link_id {

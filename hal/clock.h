@@ -67,7 +67,8 @@ void bb_clock_wait_by(struct bb_clock *clk, bb_wait_fn wait, void *ctx);
 /* Posix, before any timer is armed: now is CLOCK_MONOTONIC minus this from here on, so that processes share one axis. */
 void bb_clock_set_zero(struct bb_clock *clk, int64_t zero_monotonic_ns);
 int64_t bb_clock_zero_ns(const struct bb_clock *clk);
-/* Posix: from here on now runs that much faster than this machine's oscillator (sync/servo.h), without a step. */
+/* Posix: from here on now runs that much faster than this machine's oscillator (sync/servo.h), without a step; within
+ * +-9e8 ppb, or time would stand still or run back. */
 void bb_clock_steer(struct bb_clock *clk, double ppb);
 /* What nobody steers: CLOCK_MONOTONIC at a time of this clock. */
 int64_t bb_clock_own_ns(const struct bb_clock *clk, int64_t at_ns);

@@ -26,16 +26,32 @@ begun() { # NAME: until that run's scene goes on
 	done
 }
 
+invited() { # NAME: the address at which that run waits for others
+	for i in $(seq 600); do
+		to=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/$1.err")
+		[ -n "$to" ] && break
+		sleep 0.1
+	done
+	echo "$to"
+}
+connected() { # N: until so many are, at $address
+	port=$(printf ':%04X ' "${address##*:}")
+	for i in $(seq 600); do
+		[ "$(awk '$4 == "01" { print $2 " " }' /proc/net/tcp | grep -c "$port")" -ge "$1" ] && return
+		sleep 0.1
+	done
+}
+
 # A process whose oscillator is 400 ppm too fast follows the head's clock all the same; left alone it would be 4 ms off.
 follow() {
 	$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 10 --out "$work/follow" >/dev/null 2>"$work/follow.err" &
 	pid_follow=$!
-	for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do sleep 0.1; to=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/follow.err"); [ -n "$to" ] && break; done
+	to=$(invited follow)
 	"$program" node $room $pattern --nodes 2 --join "$to" --token-file "$work/token" --duration 10 --plant-crystal-ppm 400
 	wait $pid_follow
 }
 
-# Three runs at once, each disturbed when its scene has begun.
+# Runs at once, each disturbed when its scene has begun.
 disturb() { # NAME...
 	for way in "$@"; do begin $way; done
 	for way in "$@"; do
@@ -53,10 +69,10 @@ disturb() { # NAME...
 }
 begin() { # NAME
 	case $1 in
-	zmq) options="--link zmq --duration 6" ;;
-	again) options="--restart --duration 10" ;;
-	hang) options="--duration 6" ;;
-	shm) options="--link shm --duration 6" ;;
+	zmq) options="--link zmq --duration 5" ;;
+	again) options="--restart --duration 60" ;;
+	hang) options="--duration 9" ;;
+	shm) options="--link shm --duration 5" ;;
 	*) options="--duration 60" ;;
 	esac
 	# shellcheck disable=SC2086
@@ -64,24 +80,41 @@ begin() { # NAME
 	eval "pid_$1=$!"
 }
 
-# kill -9 of one of four, in the middle: over either link, and once more where it is started again
-disturb shm zmq again
+# kill -9 of one of four, in the middle, where it is started again: both its nodes are, and have time to fall behind
+disturb again
+for i in $(seq 400); do
+	[ "$(grep -c 'is back' "$work/again.err")" -ge 2 ] && break
+	sleep 0.1
+done
+sleep 3
+kill -TERM "$pid_again"
+wait "$pid_again"
+check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
+check "restart: within five times 2 s" [ "$(field "$work/again/result.json" "all((i['to_s'] or r['duration_s']) - i['from_s'] < 10 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
+check "restart: and stay so" [ "$(field "$work/again/result.json" "r['counters']['processes_lost'] == 1 and all(i['to_s'] is not None for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
+
+# and over either link, where it is not
+disturb shm zmq
 for way in shm zmq; do
 	eval "pid=\$pid_$way; set -- \$pids_$way"
 	wait "$pid"
 	code=$?
 	check "$way: the rest finish with a verdict" [ $code = 1 ]
 	check "$way: the report says who" [ "$(field "$work/$way/result.json" "sorted(i['culprit'] for i in r['incidents'] if 'pid $2) was killed by signal 9' in i['what'])")" = "['node/floor', 'node/left']" ]
-	check "$way: and when" [ "$(field "$work/$way/result.json" "all(0 < i['from_s'] < 6 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
+	check "$way: and when" [ "$(field "$work/$way/result.json" "all(0 < i['from_s'] < 5 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
 	check "$way: the scene went on to its end" [ "$(field "$work/$way/result.json" "r['counters']['frames'] > 10 and not r['truncated']")" = True ]
 	check "$way: no packet was refused" [ "$(field "$work/$way/result.json" "r['counters']['packets_refused']")" = 0 ]
 	check "$way: nobody is left behind" gone "$@"
 done
-wait "$pid_again"
-check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
-check "restart: within five times 2 s" [ "$(field "$work/again/result.json" "all((i['to_s'] or r['duration_s']) - i['from_s'] < 10 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
-check "restart: and stay so" [ "$(field "$work/again/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'signal 9' in i['what'] or 'did not come' in i['what'])")" = True ]
+
 disturb hang term dead
+wait "$pid_term"
+check "SIGTERM: the report is there, truncated" [ "$(field "$work/term/result.json" "r['truncated'] and r['counters']['frames'] > 1")" = True ]
+# shellcheck disable=SC2086
+check "SIGTERM: nobody is left behind" gone $pids_term
+wait "$pid_dead" 2>/dev/null
+# shellcheck disable=SC2086
+check "the head dies: nobody outlives it" gone $pids_dead
 OUT=$work/posix BB_PROGRAM=$program tests/bench/posix.sh 2 >"$work/posix.txt" 2>"$work/posix.err" &
 pid_posix=$!
 printf 'scene: slow\ntechnique: calibration\nduration_s: 3\nneeds: {displays: 1}\npatch: {hz: 2, size_m: 1}\n' >"$work/slow.yaml"
@@ -90,13 +123,6 @@ check "walls that others draw are metered, too" [ "$(field "$work/slow/result.js
 wait "$pid_hang"
 check "a process that hangs: the rest go on without it" [ "$(field "$work/hang/result.json" "r['counters']['frames'] > 10 and any('did not come to the swap barrier' in i['what'] for i in r['incidents'])")" = True ]
 check "a process that hangs for a while is back" [ "$(field "$work/hang/result.json" "all(i['to_s'] is not None for i in r['incidents'] if 'did not come' in i['what'] and i['culprit'] == 'node/left')")" = True ]
-wait "$pid_term"
-check "SIGTERM: the report is there, truncated" [ "$(field "$work/term/result.json" "r['truncated'] and r['counters']['frames'] > 1")" = True ]
-# shellcheck disable=SC2086
-check "SIGTERM: nobody is left behind" gone $pids_term
-wait "$pid_dead" 2>/dev/null
-# shellcheck disable=SC2086
-check "the head dies: nobody outlives it" gone $pids_dead
 
 # 120 Hz: counters only, a fifth of the frames is enough on any machine
 wait $pid_posix
@@ -106,49 +132,46 @@ check "120 Hz: lateness stands beside the timer's floor" [ "$(grep -c 'wakes: p5
 follow &
 following=$!
 
-# Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many
-$run --link zmq --wait --token-file "$work/token" --duration 2 --out "$work/hand" >/dev/null 2>"$work/err" &
+# Joining by hand, over ZeroMQ: any place, an own place, another scene, one too many. Who joined says nothing until all are
+# there, and keeps its place for all that.
+$run --link zmq --wait --token-file "$work/token" --duration 6 --out "$work/hand" >/dev/null 2>"$work/hand.err" &
 pid=$!
-for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.1; address=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/err"); [ -n "$address" ] && break; done
-node="$program node $room --nodes 4 --join $address --token-file $work/token --duration 2"
-"$program" node $room "$scene" --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/other" >/dev/null
+address=$(invited hand)
+hand() { "$program" node $room "$@" --nodes 4 --join "$address" --token-file "$work/token" --duration 6; }
+hand "$scene" 2>"$work/other" >/dev/null
 check "another scene is not let in: BB1677" grep -q BB1677 "$work/other"
 ss -ltn 2>/dev/null | grep -q "0.0.0.0:${address##*:}" && open=yes
 check "it listens on loopback only" [ -z "${open:-}" ]
-"$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 --index 2 2>"$work/n2" &
-two=$!
+hand $pattern --index 2 2>"$work/n1" &
+one=$!
+connected 1
+sleep 1.5 # a place whose owner said nothing for a second was given away once
 if command -v mpirun >/dev/null; then
-	mpirun --allow-run-as-root --oversubscribe -n 2 "$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 >"$work/mpi" 2>&1 &
+	mpirun --allow-run-as-root --oversubscribe -n 2 "$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 6 >"$work/mpi" 2>&1 &
 else
 	echo "SKIP: there is no mpirun: a shell starts the other two processes"
-	for i in 1 2; do "$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/n1.$i" & done
+	for i in 2 3; do hand $pattern 2>"$work/n$i" & done
 fi
-port=$(printf ':%04X ' "${address##*:}") # until all three are connected
-for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20 21 22 23 24 25 26 27 28 29 30; do
-	[ "$(cat /proc/net/tcp | awk '$4 == "01" { print $2 " " }' | grep -c "$port")" -ge 3 ] && break
-	sleep 0.1
-done
-sleep 0.3
-"$program" node $room $pattern --nodes 4 --join "$address" --token-file "$work/token" --duration 2 2>"$work/many" >/dev/null
+begun hand
+hand $pattern 2>"$work/many" >/dev/null
 check "one too many is not let in: BB1675" grep -q BB1675 "$work/many"
 wait $pid
-wait $two
+wait $one
 check "a node by hand ends well with its head" [ $? = 0 ]
 check "by hand: all frames of the scene" [ "$(field "$work/hand/result.json" "r['counters']['frames'] > 60 and 'processes_lost' not in r['counters']")" = True ]
 check "by hand: refused joins are counted" [ "$(field "$work/hand/result.json" "r['counters']['packets_refused'] >= 2")" = True ]
-wait
 
 wait $following
 check "another oscillator: steered by what it is wrong" [ "$(field "$work/follow/result.json" "abs(float(r['facts']['clock_front'].split('by ')[1].split()[0]) + 400) < 60")" = True ]
 check "another oscillator: within half of what it would be" [ "$(field "$work/follow/result.json" "float(r['facts']['clock_front_off'].split()[0]) < 2000")" = True ]
 
 # The head is killed: who joined by hand holds its pictures, fades them, and only then ends
-$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 20 --out "$work/orphan" >/dev/null 2>"$work/err" &
+$run --link zmq --nodes 2 --wait --token-file "$work/token" --duration 20 --out "$work/orphan" >/dev/null 2>"$work/orphan.err" &
 pid=$!
-for i in 1 2 3 4 5 6 7 8 9 10; do sleep 0.1; address=$(sed -n 's/.*--join \(zmq:[^ ]*\).*/\1/p' "$work/err"); [ -n "$address" ] && break; done
+address=$(invited orphan)
 "$program" node $room $pattern --nodes 2 --join "$address" --token-file "$work/token" --duration 20 2>"$work/orphaned" >/dev/null &
 two=$!
-for i in 1 2 3 4 5 6 7 8 9 10 11 12 13 14 15 16 17 18 19 20; do sleep 0.1; grep -q 'the scene begins' "$work/err" && break; done
+begun orphan
 sleep 1
 kill -9 $pid
 killed=$(date +%s%N)

@@ -137,13 +137,7 @@ static void tell(struct story *s, const struct setting *set, const char *const *
 
 static const struct bb_incident *named(const struct story *s, const char *word)
 {
-	for (size_t i = 0; i < s->n; i++)
-		if (!strncmp(s->incident[i].what, word, strlen(word)))
-			return &s->incident[i];
-	for (size_t i = 0; i < s->n; i++)
-		printf("  %s %s: %s\n", s->incident[i].culprit, s->incident[i].state, s->incident[i].what);
-	fail_msg("nothing is named %s", word);
-	return NULL;
+	return incident_named(s->incident, s->n, word);
 }
 
 /* Named within the budget after the fault; well again, so long after its end. */

@@ -5,11 +5,7 @@
  * 120 Hz. The loop looks at its cameras once a frame: every budget has that frame on top.
  */
 #include "tests/fault_table.h"
-#include "tests/fixture_room.h"
-
-#include "bench/run.h"
-
-#include <unistd.h>
+#include "tests/still_run.h"
 
 #define FRAME (BB_NS_PER_S / 60)
 #define SHOT (BB_NS_PER_S / 120)
@@ -31,14 +27,6 @@ struct story {
 	unsigned fed[8];              /* frames of each camera the tracker was given */
 	double tracked;
 };
-
-static uint64_t counted(const struct bb_run_result *r, const char *name)
-{
-	for (size_t i = 0; i < r->n_counters; i++)
-		if (!strcmp(r->counters[i].name, name))
-			return r->counters[i].value;
-	return 0;
-}
 
 static struct span_error errors_in(const struct bb_run_result *r, double from_s, double to_s)
 {
@@ -101,30 +89,17 @@ static void read_story(struct story *s, const struct bb_run_result *r, double to
 /* The first fault is set at 2 s and lasts so long. */
 static void tell(struct story *s, uint64_t seed, double for_s, const char *const *texts, size_t n_texts)
 {
-	char path[] = "/tmp/bb_track_XXXXXX.yaml";
 	struct sim_fault f[16];
-	struct bb_error err = { 0 };
 	struct bb_run run;
-	const int fd = mkstemps(path, 5);
+	size_t n = 0;
 
 	memset(s, 0, sizeof(*s));
-	assert_true(fd >= 0 && n_texts <= BB_ARRAY_LEN(f));
-	assert_int_equal(write(fd, SCENE, sizeof(SCENE) - 1), sizeof(SCENE) - 1);
-	close(fd);
+	assert_true(n_texts <= BB_ARRAY_LEN(f));
 	for (size_t i = 0; i < n_texts; i++)
-		if (sim_fault_parse(texts[i], &f[i], NULL, &err) != BB_OK)
-			fail_msg("%s: %s", texts[i], err.text);
-	struct bb_run_options o = bb_run_options_default();
-	o.room_path = "rooms/cabin.yaml";
-	o.scene_path = path;
+		plant(f, &n, texts[i]);
+	struct bb_run_options o = still_options("rooms/cabin.yaml", f, n);
 	o.seed = seed;
-	o.pictures = false;
-	o.faults = f;
-	o.n_faults = n_texts;
-	const enum bb_status status = bb_run(&o, &run, &err);
-	unlink(path);
-	if (status != BB_OK)
-		fail_msg("seed %llu: %s", (unsigned long long)seed, err.text);
+	scene_run(SCENE, o, &run);
 	read_story(s, run.result, 2 + for_s);
 	bb_run_free(&run);
 	assert_true(s->longest_frame_ns < FRAME + 100 * US && s->gaps == 0);
@@ -138,13 +113,7 @@ static void tell(struct story *s, uint64_t seed, double for_s, const char *const
 
 static const struct bb_incident *named(const struct story *s, const char *word)
 {
-	for (size_t i = 0; i < s->n; i++)
-		if (!strncmp(s->incident[i].what, word, strlen(word)))
-			return &s->incident[i];
-	for (size_t i = 0; i < s->n; i++)
-		printf("  %s %s: %s\n", s->incident[i].culprit, s->incident[i].state, s->incident[i].what);
-	fail_msg("nothing is named %s", word);
-	return NULL;
+	return incident_named(s->incident, s->n, word);
 }
 
 static size_t count_of(const struct story *s, const char *word)

@@ -18,6 +18,7 @@ static struct {
 	size_t n_heard[2];
 	struct bytes in[2];                /* let through next; n 0: nothing */
 	uint8_t from;                      /* where it seems to come from */
+	bool dead;                         /* nobody is there */
 } wire;
 
 struct memory_link {
@@ -56,7 +57,7 @@ static bool wire_alive(struct link_peers *l, const struct link_address *far)
 {
 	(void)l;
 	(void)far;
-	return true;
+	return !wire.dead;
 }
 
 static void wire_wait(struct link_peers *l, int64_t until_ns)
@@ -406,6 +407,22 @@ static void any_place_is_promised_once_and_not_for_ever(void **state)
 	assert_int_equal(link_peer(b->l[0], 1).state, LINK_PEER_JOINED);
 }
 
+/* Who joined and says nothing for long, because it loads or waits for others, keeps its place as long as it is there. */
+static void the_silent_keep_their_places(void **state)
+{
+	struct bench *b = *state;
+
+	struct bb_link *first = b->l[1];
+
+	assert_int_equal(link_peer(b->l[0], 1).state, LINK_PEER_JOINED);
+	pass(b, 20 * BB_NS_PER_S);
+	b->l[1] = open_side(b, BB_LINK_ANY);
+	assert_int_equal(offered(b, 9), 2);
+	wire.dead = true;
+	assert_int_equal(offered(b, 9), 1);
+	bb_link_close(first);
+}
+
 static void gaps_are_counted(void **state)
 {
 	struct bench *b = *state;
@@ -429,7 +446,8 @@ int main(void)
 		cmocka_unit_test(marks_are_siphash_2_4), T(a_good_packet_counts_once),
 		T(cut_and_altered_packets_change_nothing), T(a_million_random_datagrams_change_nothing),
 		T(what_an_old_session_said_is_stale), T(nobody_speaks_for_another),
-		T(any_place_is_promised_once_and_not_for_ever), T(gaps_are_counted),
+		T(any_place_is_promised_once_and_not_for_ever),
+		T(the_silent_keep_their_places), T(gaps_are_counted),
 	};
 
 	return cmocka_run_group_tests_name("what packets may change", tests, NULL, NULL);

@@ -117,11 +117,35 @@ static void back_in_the_middle_of_a_fade(void **state)
 	assert_true(s.deepest_step <= 0.05 + 1e-6);
 }
 
+static void count_again(void *ctx, const struct bb_event *events, size_t n)
+{
+	for (size_t i = 0; i < n; i++) /* -1: pictures shown once more */
+		*(size_t *)ctx += events[i].kind == BB_EV_FLIP && events[i].a == -1;
+}
+
+/* Held pictures that stayed one eye's would be seen by both. */
+static void held_eyes_go_on_to_take_turns(void **state)
+{
+	struct sim_fault f[1];
+	struct bb_run run;
+	size_t n = 0, again = 0;
+
+	(void)state;
+	plant(f, &n, "at 2s link/net partition node=front for 1s");
+	struct bb_run_options o = still_options("rooms/cabin120.yaml", f, n);
+	o.events = count_again;
+	o.events_ctx = &again;
+	still_run(o, &run);
+	bb_run_free(&run);
+	assert_in_range(again, 108, 120); /* 120 a second, but for the three frames before it is missed */
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(n3_cut_off), cmocka_unit_test(n8_head_stands_still),
 		cmocka_unit_test(a_short_silence_is_held_only), cmocka_unit_test(back_in_the_middle_of_a_fade),
+		cmocka_unit_test(held_eyes_go_on_to_take_turns),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

@@ -434,16 +434,8 @@ static void wrong_labels_are_reconsidered(void **state)
 
 	(void)state;
 	scene_room(&s, 8, 0.05);
-	/* An isosceles glasses body: markers 0, 1, 2 alone are their own twin, half a turn about the bisector. */
-	s.bodies[0].marker[2] = (struct bb_vec3){ 0.0705, 0.062, 0.026 };
+	const struct bb_pose truth = { { 0, 1.5, 0 }, bb_quat_euler_deg(20, 5, 0) }, twin = scene_twin(&s, &truth);
 	struct bb_tracker *tr = make(&s);
-	const struct bb_vec3 mid = bb_vec3_lerp(s.bodies[0].marker[0], s.bodies[0].marker[1], 0.5);
-	const struct bb_vec3 axis = bb_vec3_sub(s.bodies[0].marker[2], mid);
-	const struct bb_quat half = bb_quat_axis_angle(axis, PI);
-	const struct bb_pose truth = { { 0, 1.5, 0 }, bb_quat_euler_deg(20, 5, 0) };
-	/* the twin: turned half way round about the axis through mid */
-	const struct bb_pose turn = { bb_vec3_sub(mid, bb_quat_rotate(half, mid)), half };
-	const struct bb_pose twin = bb_pose_mul(&truth, &turn);
 
 	s.pose[0] = twin;
 	for (int i = 0; i < 20; i++, at_ns += FRAME_NS) { /* all five: no doubt about the twin */

@@ -150,6 +150,20 @@ static inline struct bb_vec3 scene_centroid(const struct bb_body *b, const struc
 	return bb_vec3_scale(sum, 1 / (double)b->n_markers);
 }
 
+/* Makes body 0 one whose markers 0, 1, 2 are isosceles, their own twin half a turn about the bisector: returns the pose in
+ * which these three look the same as at `pose`. */
+static inline struct bb_pose scene_twin(struct scene *s, const struct bb_pose *pose)
+{
+	const struct bb_vec3 *m = s->bodies[0].marker;
+
+	s->bodies[0].marker[2] = (struct bb_vec3){ 0.0705, 0.062, 0.026 };
+	const struct bb_vec3 mid = bb_vec3_lerp(m[0], m[1], 0.5);
+	const struct bb_quat half = bb_quat_axis_angle(bb_vec3_sub(m[2], mid), PI);
+	const struct bb_pose turn = { bb_vec3_sub(mid, bb_quat_rotate(half, mid)), half };
+
+	return bb_pose_mul(pose, &turn);
+}
+
 static inline bool scene_hits_sphere(struct bb_vec3 a, struct bb_vec3 b, struct bb_vec3 centre, double radius)
 {
 	const struct bb_vec3 d = bb_vec3_sub(b, a), v = bb_vec3_sub(centre, a);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "bench/loop/remote.h"
+#include "hal/dev_time.h"
 #include "sync/exchange.h"
 #include "sync/servo.h"
 
@@ -34,7 +35,7 @@ struct bb_follow {
 	uint32_t exchanges;
 	unsigned node; /* who asks for this process */
 	struct follow_message told[BB_NODES_MAX]; /* head: the newest of each process, by the node that asked; */
-	int64_t most_ns[BB_NODES_MAX];            /* the most one was off, once it had settled */
+	double most_ns[BB_NODES_MAX];             /* the most one was off, once it had settled */
 };
 
 enum bb_status bb_follow_create(struct bb_frame_loop *l, struct bb_follow **out)
@@ -123,7 +124,7 @@ static void learn(struct bb_follow *f, const struct bb_exchange *x, int64_t now_
 		return; /* a servo fed with an offset whose rate is a guess learns the guess */
 	const int64_t own_ns = bb_clock_own_ns(clk, now_ns);
 	const struct bb_servo_sample s = { .now_ns = own_ns, .local_ns = now_ns,
-		                           .offset_ns = now_ns - bb_clockfit_remote_ns(&f->fit, own_ns, NULL) };
+		                           .offset_ns = bb_ns_since(now_ns, bb_clockfit_remote_ns(&f->fit, own_ns, NULL)) };
 	bb_clock_steer(clk, bb_servo_sample(&f->servo, &s).adjust_ppb);
 }
 
@@ -146,8 +147,8 @@ bool bb_follow_hear(struct bb_follow *f, const struct bb_link_message *packet, i
 	if (m.node != packet->from || m.node >= f->loop->room->n_nodes)
 		return true;
 	f->told[m.node] = m;
-	if (m.exchanges > SETTLED && llabs(m.off_ns) > f->most_ns[m.node])
-		f->most_ns[m.node] = llabs(m.off_ns);
+	if (m.exchanges > SETTLED)
+		f->most_ns[m.node] = fmax(f->most_ns[m.node], fabs((double)m.off_ns));
 	m.t2_ns = packet->arrived_ns;
 	m.t3_ns = bb_clock_now_ns(f->loop->clk);
 	send(f, head, packet->from, &m);
@@ -158,16 +159,18 @@ void bb_follow_tell(const struct bb_follow *f, struct bb_run_result *result)
 {
 	for (size_t i = 0; f && i < f->loop->room->n_nodes; i++) {
 		const struct follow_message *m = &f->told[i];
+		const char *id = f->loop->room->nodes[i].id;
 		char key[BB_ID_MAX + 16];
 		if (!m->kind)
 			continue;
-		snprintf(key, sizeof(key), "clock_%s", f->loop->room->nodes[i].id);
+		snprintf(key, sizeof(key), "clock_%s", id);
 		if (m->uncertainty_ns == INT64_MAX)
 			bb_result_fact(result, key, "not locked to the head's after %u exchanges", m->exchanges);
 		else
 			bb_result_fact(result, key, "on the head's within %.1f us, steered by %+.2f ppm; %u exchanges, %u outliers",
 			               (double)m->uncertainty_ns * 1e-3, m->rate_ppb * 1e-3, m->exchanges, m->outliers);
+		snprintf(key, sizeof(key), "clock_%s_off", id);
 		if (m->planted)
-			bb_result_fact(result, strncat(key, "_off", 5), "%.1f us at most", (double)f->most_ns[i] * 1e-3);
+			bb_result_fact(result, key, "%.1f us at most", f->most_ns[i] * 1e-3);
 	}
 }

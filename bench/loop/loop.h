@@ -314,8 +314,8 @@ void bb_orphan_heard(struct bb_node_machine *n, const struct bb_message *m, int6
 struct bb_message bb_orphan_dim(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
 /* Are the walls of all nodes dark, or did they never have a picture? */
 bool bb_orphans_rest(const struct bb_frame_loop *l);
-/* The newest pictures again, at the light of m. */
-void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns);
+/* The newest pictures again, anew at the light of m; or as they are, where the eyes take turns: or both eyes keep the last one's. */
+void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, bool anew, int64_t now_ns);
 void bb_node_take_pictures(struct bb_node_machine *n, const struct bb_message *m);
 /* Books what a frame of a node took: its bricks; its time, when it is drawn; a flip of one of its screens. */
 void bb_node_book(struct bb_node_machine *n, struct bb_frame *f, const struct bb_stream_counts *c, int64_t now_ns);

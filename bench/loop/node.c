@@ -378,11 +378,20 @@ static int64_t hold_until_ns(const struct bb_node_machine *n, int64_t now_ns)
 	return until_ns;
 }
 
-void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, int64_t now_ns)
+static bool alternates(const struct bb_node_machine *n)
 {
-	if (n->loop->draw_everything)
+	for (size_t s = 0; s < n->n_screens; s++)
+		if (n->loop->room->screens[n->screens[s]].display.stereo == BB_STEREO_FRAME_SEQUENTIAL)
+			return true;
+	return false;
+}
+
+void bb_node_show_again(struct bb_node_machine *n, const struct bb_message *m, bool anew, int64_t now_ns)
+{
+	if (anew && n->loop->draw_everything)
 		draw_all(n, m->light);
-	present(n, NO_FRAME, now_ns);
+	if (anew || alternates(n))
+		present(n, NO_FRAME, now_ns);
 }
 
 int64_t bb_node_present(struct bb_timer *timer, int64_t scheduled_ns, int64_t now_ns)

@@ -60,9 +60,9 @@ static void go_on(struct bb_node_machine *n, int64_t now_ns)
 	bb_node_flips(l, n); /* or those that nobody reads push out those that matter */
 	if (moved) {
 		note(n, now_ns);
-		bb_node_show_again(n, &m, now_ns);
 		bb_watch_bad(l->watch, o->slot, now_ns, BB_HEALTH_LOST, "MASTER_LOST: no word of the head: walls faded to black");
 	}
+	bb_node_show_again(n, &m, moved, now_ns);
 	if (l->picture_frame && o->pictured != l->n_frames) {
 		o->pictured = l->n_frames;
 		bb_node_take_pictures(n, &m);

@@ -221,6 +221,8 @@ static void hear_ready(struct bb_frame_loop *l, const struct told_message *m)
 	if (!l->scene_start_ns)
 		return;
 	bb_result_count(l->result, "nodes_rejoined", 1);
+	if (l->options->processes.tell)
+		fprintf(stderr, "node %s is back\n", l->room->nodes[m->node].id);
 	start_node(l, m->node); /* back in the middle of the scene */
 }
 

@@ -8,7 +8,7 @@
 
 #define ASK_AGAIN_NS (BB_NS_PER_S / 10)
 #define LINES_A_SECOND 10
-#define TAKEN_WITHIN_NS BB_NS_PER_S /* a place whose owner was heard of so lately is not given away */
+#define PROMISED_NS BB_NS_PER_S /* so long an offered place waits to be taken up */
 
 static struct link_peers *own(struct bb_link *l)
 {
@@ -201,12 +201,12 @@ static void answer_refused(struct link_peers *l, const struct link_address *to, 
 	(void)put_on_wire(l, to, &p); /* who hears no answer asks again */
 }
 
+/* Who loads its scene or waits for others says nothing for long: only the wire knows who is there. */
 static bool free_place(struct link_peers *l, uint16_t process)
 {
 	const struct link_session *s = &l->session[process];
 
-	return s->peer.state != LINK_PEER_JOINED || !l->wire->alive(l, &s->address) ||
-	       now_ns(l) - s->peer.heard_ns > TAKEN_WITHIN_NS;
+	return s->peer.state != LINK_PEER_JOINED || !l->wire->alive(l, &s->address);
 }
 
 /* Somebody else was just offered it. Who asks again, because the head was long in answering, is offered the same. */
@@ -214,7 +214,7 @@ static bool is_promised(const struct link_peers *l, const struct link_session *s
 {
 	const bool own = s->next_address.n == from->n && !memcmp(s->next_address.bytes, from->bytes, from->n);
 
-	return s->next_session && !own && now_ns(l) - s->offered_ns <= TAKEN_WITHIN_NS;
+	return s->next_session && !own && now_ns(l) - s->offered_ns <= PROMISED_NS;
 }
 
 static uint16_t find_place(struct link_peers *l, const struct link_address *from, uint16_t wanted)
