@@ -161,6 +161,32 @@ static void thin_mist_adds_up(void **ctx)
 	need_kernel();
 }
 
+/* Lumps of several colours far apart in one brick, which is drawn block by block: the near ones hide the far ones. */
+static void blocks_hide_each_other(void **ctx)
+{
+	static const struct bb_transfer_point lumps[] = {
+		{ 0, 0, 0, 0, 0 }, { 0.3, 1, 0, 0, 0 }, { 0.5, 1, 0, 0, 0.9 }, { 0.7, 0, 1, 0, 0.9 }, { 1, 0, 0, 1, 0.9 }
+	};
+	const struct bb_transfer tf = drawing_transfer(BB_ARRAY_LEN(lumps), lumps);
+	struct bb_volume *v = drawing_volume(64, 64, 64, 1);
+
+	(void)ctx;
+	need_kernel();
+	for (uint32_t i = 0; i < 64 * 64 * 64; i++) { /* three in eleven blocks: too few to be drawn as one */
+		const uint32_t at[3] = { i % 64, i / 64 % 64, i / 4096 }, x = at[0] / 8, y = at[1] / 8, z = at[2] / 8;
+		const uint32_t h = (x + 3 * y + 5 * z) % 11;
+		const bool in = at[0] % 8 - 2 < 4 && at[1] % 8 - 2 < 4 && at[2] % 8 - 2 < 4;
+		v->voxels[i] = h < 3 && in ? (uint16_t)(65535 / 4 * (2 + h)) : 0;
+	}
+	for (uint32_t edge = 32; edge <= 64; edge += 32) {
+		struct drawing d = drawing_of(v, &tf, edge, BB_BRICK_U16, 0, cover_leaves, NULL);
+		for (int i = 0; i < VIEWS; i++)
+			against_reference("lumps", &d.layer, i, 0.5, 50);
+		drawing_done(&d);
+	}
+	drawing_free(v);
+}
+
 /* ---- bricks of all levels beside each other ---- */
 
 static uint32_t any_level(const uint32_t cell[3], void *ctx)
@@ -418,6 +444,7 @@ int main(void)
 		cmocka_unit_test(agrees_on_noise),
 		cmocka_unit_test(agrees_on_a_sharp_transfer_function),
 		cmocka_unit_test(thin_mist_adds_up),
+		cmocka_unit_test(blocks_hide_each_other),
 		cmocka_unit_test(draws_what_the_map_names),
 		cmocka_unit_test(what_changes_is_noticed),
 		cmocka_unit_test(threads_and_sizes_change_nothing),

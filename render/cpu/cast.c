@@ -4,6 +4,7 @@
  */
 #include "render/cpu/cast.h"
 
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -76,6 +77,27 @@ static enum bb_status prepare(struct caster *c, const struct bb_draw *draw)
 	return BB_OK;
 }
 
+/* Where rays cross the screen, turned around: eye + z * (corner + x / z * across + y / z * down) = p. */
+static void find_screen(const struct bb_rays *r, struct bb_cast *cast)
+{
+	const struct bb_vec3 sides = bb_vec3_cross(r->across_m, r->down_m);
+	const double volume = bb_vec3_dot(r->corner_m, sides); /* not 0: bb_rays_make saw to that */
+	const struct bb_vec3 by[3] = { bb_vec3_cross(r->down_m, r->corner_m), bb_vec3_cross(r->corner_m, r->across_m), sides };
+	const double per_m[3] = { r->voxels_per_m.x, r->voxels_per_m.y, r->voxels_per_m.z };
+	const double dim[3] = { r->dim.x, r->dim.y, r->dim.z }, eye_m[3] = { r->eye_m.x, r->eye_m.y, r->eye_m.z };
+
+	for (int a = 0; a < 3; a++)
+		cast->eye[a] = eye_m[a] * per_m[a] + dim[a] / 2;
+	for (int k = 0; k < 3; k++) {
+		const double row[3] = { by[k].x, by[k].y, by[k].z };
+		cast->screen[k][3] = 0;
+		for (int a = 0; a < 3; a++) {
+			cast->screen[k][a] = row[a] / (volume * per_m[a]);
+			cast->screen[k][3] -= cast->screen[k][a] * cast->eye[a];
+		}
+	}
+}
+
 static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, const struct bb_rays *rays,
 			       struct bb_image *image, struct bb_draw_stats *stats)
 {
@@ -96,6 +118,8 @@ static enum bb_status cast_one(struct caster *c, const struct bb_draw *draw, con
 	const enum bb_status st = prepare(c, draw);
 	if (st != BB_OK)
 		return st;
+	cast.unit = cast.by_level ? ldexp(1, (int)c->space.up_most) : 1;
+	find_screen(rays, &cast);
 	bb_parallel(c->options.threads, tiles, draw_tile, &job);
 	for (unsigned t = 0; t < c->options.threads; t++) {
 		stats->rays += job.counts[t].rays;

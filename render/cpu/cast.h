@@ -7,7 +7,7 @@
 
 #include "render/renderer_driver.h"
 
-#define BB_CAST_TILE 32       /* pixels across and down that one thread takes at a time: what they see fits its cache */
+#define BB_CAST_TILE 64       /* pixels across and down that one thread takes at a time */
 #define BB_CAST_RAYS 4        /* go together: 2 x 2 pixels */
 #define BB_CAST_SCALE 1024.0F /* so that an opacity of 6e-8 is still a normal half */
 #define BB_CAST_PIECES 32
@@ -66,6 +66,11 @@ struct bb_cast { /* of one picture; constant while it is drawn */
 	const struct bb_cast_table *table;
 	bool by_level;  /* longer steps in coarser bricks */
 	float per_edge; /* 1 / edge */
+	double unit;         /* samples of coarse bricks stay at numbers that their level takes: multiples of this */
+	double eye[3];       /* corner coordinates */
+	/* A point p of corner coordinates is seen at x / z, y / z of the picture's width and height: (x, y, z) = screen *
+	 * (p, 1); z > 0 in front of the eye. */
+	double screen[3][4];
 	float opaque;   /* transmittance that ends a ray; below 0: none does */
 	const uint32_t
 		*order; /* NULL: packets of neighbours; pixels, BB_CAST_RAYS to a packet, to be drawn in this order */

@@ -91,6 +91,11 @@ static inline unsigned bits(vm mask)
 	return (unsigned)_mm256_movemask_ps(mask) & 15U;
 }
 
+static inline unsigned all_bits(vm mask)
+{
+	return (unsigned)_mm256_movemask_ps(mask);
+}
+
 static inline bool any(vm mask)
 {
 	return _mm256_movemask_ps(mask) != 0;
@@ -116,6 +121,23 @@ static inline vf load(const float *from)
 static inline void store(float *to, vf v)
 {
 	_mm256_storeu_ps(to, (__m256)v);
+}
+
+static inline vf four(const float *from)
+{
+	return (vf)_mm256_broadcast_ps((const __m128 *)(const void *)from);
+}
+
+static inline void store_four(float *to, vf v)
+{
+	_mm_storeu_ps(to, _mm256_castps256_ps128((__m256)v));
+}
+
+static inline void add_four(float *to, vf v)
+{
+	const __m128 sum = _mm_add_ps(_mm256_castps256_ps128((__m256)v), _mm256_extractf128_ps((__m256)v, 1));
+
+	_mm_storeu_ps(to, _mm_add_ps(_mm_loadu_ps(to), sum));
 }
 
 static inline float least_of(vf v)

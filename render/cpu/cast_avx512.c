@@ -92,6 +92,11 @@ static inline unsigned bits(vm mask)
 	return mask & 15U;
 }
 
+static inline unsigned all_bits(vm mask)
+{
+	return mask;
+}
+
 static inline bool any(vm mask)
 {
 	return mask != 0;
@@ -115,6 +120,24 @@ static inline vf load(const float *from)
 static inline void store(float *to, vf v)
 {
 	_mm512_storeu_ps(to, (__m512)v);
+}
+
+static inline vf four(const float *from)
+{
+	return (vf)_mm512_broadcast_f32x4(_mm_loadu_ps(from));
+}
+
+static inline void store_four(float *to, vf v)
+{
+	_mm_storeu_ps(to, _mm512_castps512_ps128((__m512)v));
+}
+
+static inline void add_four(float *to, vf v)
+{
+	const __m256 half = _mm256_add_ps(_mm512_castps512_ps256((__m512)v), _mm512_extractf32x8_ps((__m512)v, 1));
+	const __m128 sum = _mm_add_ps(_mm256_castps256_ps128(half), _mm256_extractf128_ps(half, 1));
+
+	_mm_storeu_ps(to, _mm_add_ps(_mm_loadu_ps(to), sum));
 }
 
 static inline float least_of(vf v)

@@ -99,6 +99,11 @@ static inline unsigned bits(vm mask) /* of the first four lanes */
 	return out;
 }
 
+static inline unsigned all_bits(vm mask)
+{
+	return bits(mask);
+}
+
 static inline bool any(vm mask)
 {
 	return bits(mask) != 0;
@@ -128,6 +133,21 @@ static inline vf load(const float *from)
 static inline void store(float *to, vf v)
 {
 	memcpy(to, &v, sizeof(v));
+}
+
+static inline vf four(const float *from) /* of a packet, in all of its lanes */
+{
+	return load(from);
+}
+
+static inline void store_four(float *to, vf v) /* the first ones */
+{
+	store(to, v);
+}
+
+static inline void add_four(float *to, vf v) /* of all of a ray's lanes */
+{
+	store(to, load(to) + v);
 }
 
 static inline float least_of(vf v) /* of the first four lanes */
