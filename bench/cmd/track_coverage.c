@@ -43,7 +43,7 @@ enum bb_status bb_cover_wish(const struct bb_cli *cli, double voxel_mm, struct b
 			{ "headings", 16, 1, BB_COVERAGE_HEADINGS_MAX },
 			{ "threads", bb_parallel_processors(), 1, BB_PARALLEL_MOST } };
 	enum { WHOLE_FROM = 4 };
-	double v[BB_ARRAY_LEN(numbers)];
+	double v[BB_ARRAY_LEN(numbers)] = { 0 };
 
 	*out = (struct bb_cover_wishes){ 0 };
 	for (size_t i = 0; i < BB_ARRAY_LEN(numbers); i++) {
