@@ -229,6 +229,35 @@ static void test_killed_after_flush(void **state)
 	assert_int_equal(number, 1763);
 }
 
+/* A whole one whose text fills the reader's room to its last byte is whole, and not cut. */
+static void test_full_to_the_brim(void **state)
+{
+	static char text[16 * 65536];
+	static uint8_t packed[sizeof(text)];
+	size_t n = 0, lacks = SIZE_MAX;
+	int number, items = 410;
+
+	(void)state;
+	for (; lacks > 50 && items < 4000; items += lacks > 16384 ? 8 : 1) {
+		write_file(PLAIN, items);
+		n = slurp(PLAIN, (uint8_t *)text, sizeof(text));
+		lacks = -n % 65536;
+	}
+	assert_true(lacks <= 50);
+	char *name = text; /* the room's gets longer by what is lacking */
+	for (; memcmp(name, "room a", 6) != 0; name++)
+		assert_true(name < text + 1000);
+	memmove(name + 6 + lacks, name + 6, n - (size_t)(name + 6 - text));
+	memset(name + 6, 'a', lacks);
+	n += lacks;
+	const size_t want = items_in((uint8_t *)text, n, &number);
+	assert_int_equal(number, 0);
+	const size_t n_packed = ZSTD_compress(packed, sizeof(packed), text, n, 3);
+	assert_false(ZSTD_isError(n_packed));
+	assert_int_equal(items_in(packed, n_packed, &number), want);
+	assert_int_equal(number, 0);
+}
+
 /* A broken camera and a broken pad must not make a recording that cannot be read. */
 static void test_nonsense(void **state)
 {
@@ -284,6 +313,7 @@ int main(void)
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(test_round_trip),
 		cmocka_unit_test(test_cut),
+		cmocka_unit_test(test_full_to_the_brim),
 		cmocka_unit_test(test_killed_after_flush),
 		cmocka_unit_test(test_nonsense),
 		cmocka_unit_test(test_old_or_new),
