@@ -64,7 +64,13 @@ check "no room for eight cameras 10 m apart" refused 1757 track place rooms/cabi
 sed 's/{id: c3, /{id: c3, noise_px: 0.2, /' rooms/cabin.yaml >"$work/own.yaml"
 check "a camera with keys of its own" refused 1758 track place "$work/own.yaml" --voxel-mm 300 --grid-mm 700 --tries 1 \
 	--sweeps 1 --out "$work/never.yaml"
-check "... leaves nothing behind" sh -c "! ls '$work' | grep -q never"
+(
+	trap '' XFSZ
+	ulimit -f 4
+	"$program" track place rooms/cabin.yaml --voxel-mm 300 --grid-mm 700 --tries 1 --sweeps 1 --out "$work/never.yaml" 2>"$work/err"
+)
+check "a full disk is told as that" [ "$? $(cut -c 1-7 "$work/err")" = "3 BB1901:" ]
+check "... both leave nothing behind" sh -c "! ls '$work' | grep -q never"
 for bad in '1 2 3' '1 2 3 4 5 nan' '1 2 3 1 2 3' '1 2 3 4 5 6 7' 'x' ''; do
 	printf '%s\n' "$bad" >"$work/rails"
 	check "rails '$bad'" refused 1756 track place rooms/cabin.yaml --rails "$work/rails"
@@ -80,6 +86,8 @@ check "a voxel of nan" refused 1704 track coverage rooms/cabin.yaml --voxel-mm n
 check "10^10 voxels" refused 1751 track coverage rooms/cabin.yaml --voxel-mm 1
 check "a box outside" refused 1751 track coverage rooms/cabin.yaml --box 5:0:5:6:1:6
 check "a flat room" refused 1751 track coverage rooms/desk.yaml
+sed 's/eyes_mm: .*/eyes_mm: [1500, -1900, 16]/' rooms/cabin.yaml >"$work/far.yaml"
+check "glasses worn on a stick" refused 1013 track coverage "$work/far.yaml"
 for bad in 1 1:2:3:4:5 1:1:1:0:2:2 a:b:c:d:e:f 0:0:0:1:1:inf 0:0:0:1:1:1e9; do
 	check "--box $bad" refused 1752 track coverage rooms/cabin.yaml --box "$bad"
 done

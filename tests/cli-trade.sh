@@ -43,8 +43,13 @@ number "a disk" 1481 $small --disk fast
 number "a kind of data" 1430 --generate sheep --tf scenes/cme.tf
 number "a table" 1483 --table pains
 number "a set of a table" 1483 --table gains --set sheep
+number "a room for a table that has its own" 1701 rooms/deck.yaml --table tracking --frames 10.5
+number "a scene for a table" 1701 rooms/cabin.yaml scenes/walk.yaml --table prediction --frames 10.5
+number "half a frame" 1704 --table tracking --frames 10.5
+number "half a seed" 1704 --table tracking --seed 10.5 --frames 10
 number "more pictures than frames" 1704 $small --frames 1
 number "a kind of drawing" 1850 $small $few --plot "$work/t.jpg"
+number "... before anything is looked for" 1850 nowhere.yaml --plot "$work/t.jpg"
 "$program" volume build --generate cme --dim 32x32x32 --steps 2 --brick 8 --type u8 --out "$work/c.bricks" >/dev/null 2>&1
 number "other bricks than the file's" 1482 "$work/c.bricks" --tf scenes/cme.tf --brick 16 --frames 2 --pictures 1 --size 32x32
 number "other values than the file's" 1482 "$work/c.bricks" --tf scenes/cme.tf --type f32 --frames 2 --pictures 1 --size 32x32

@@ -14,6 +14,7 @@
 
 #include "bench/track/cloud.h"
 #include "bench/track/cover.h"
+#include "bench/track/cover_pictures.h"
 #include "hal/clock.h"
 #include "sim/world.h"
 #include "sync/coverage/coverage_private.h"
@@ -474,6 +475,83 @@ static void clouds_stand_where_they_are(void **state)
 	free(value);
 }
 
+/* How much ink is in the slices of a level 2 x 2 whose places are seen by so many cameras: yellow and white have none. */
+static double ink_on(const struct bb_coverage_grid *grid, const float seen[4], double least_mm, double most_mm)
+{
+	struct bb_coverage_voxel voxels[4] = { 0 };
+	const struct bb_cover c = { .room = &empty_room,
+				    .grid = *grid,
+				    .voxels = voxels,
+				    .n_inside = 4 };
+	struct bb_cover_slices s = { .cover = &c, .body = BB_COVERAGE_NONE, .least_mm = least_mm, .most_mm = most_mm };
+	const struct bb_page page = bb_cover_slices_page(&s);
+	cairo_surface_t *surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, (int)page.width, (int)page.height);
+	cairo_t *cr = cairo_create(surface);
+	double ink = 0;
+
+	for (int i = 0; i < 4; i++) {
+		voxels[i].inside = true;
+		voxels[i].n[BB_COVERAGE_NONE] = seen[i];
+		voxels[i].error_m[BB_COVERAGE_NONE] = 1; /* bright */
+	}
+	page.paint(cr, page.ctx);
+	cairo_surface_flush(surface);
+	for (int y = 0; y < cairo_image_surface_get_height(surface); y++) {
+		const unsigned char *row = cairo_image_surface_get_data(surface) + y * cairo_image_surface_get_stride(surface);
+		for (int x = 0; x < cairo_image_surface_get_width(surface); x++)
+			ink += (255 - row[4 * x + 2]) / 255.0; /* red */
+	}
+	cairo_destroy(cr);
+	cairo_surface_destroy(surface);
+	return ink;
+}
+
+static double ink_of(const float seen[4], double least_mm, double most_mm)
+{
+	return ink_on(&(struct bb_coverage_grid){ .step_m = 1, .n = { 2, 1, 2 } }, seen, least_mm, most_mm);
+}
+
+/* Two opposite corners below three cameras, and more than three on average: a line around each, as if it were alone. */
+static void contours_split_saddles_by_their_mean(void **state)
+{
+	const double none = ink_of((const float[4]){ 5.4f, 5.4f, 5.4f, 5.4f }, 0.1, 1);
+	const double one = ink_of((const float[4]){ 1, 5.4f, 5.4f, 5.4f }, 0.1, 1) - none;
+	const double two = ink_of((const float[4]){ 1, 5.4f, 5.4f, 1 }, 0.1, 1) - none;
+	const double low = ink_of((const float[4]){ 3.9f, 0, 0, 3.9f }, 0.1, 1) - none; /* fewer on average: around the other two */
+
+	(void)state;
+	assert_true(one > 50);
+	assert_in_range((int)(100 * two / one), 190, 210);
+	assert_in_range((int)(100 * low / one), 190, 240);
+}
+
+/* Wherever a scale lies, it has numbers: with none, two of one kind would look the same. */
+static void every_scale_has_numbers(void **state)
+{
+	static const double least_mm[] = { 0.11, 0.12, 0.73, 0.8, 101, 120 };
+	const float seen[4] = { 0 };
+
+	(void)state;
+	for (size_t i = 0; i < BB_ARRAY_LEN(least_mm); i++)
+		for (size_t k = 0; k < i; k++)
+			assert_true(fabs(ink_of(seen, least_mm[i], 1.1 * least_mm[i]) - ink_of(seen, least_mm[k], 1.1 * least_mm[k])) > 0.5);
+}
+
+/* Two millimetres with three marks along x and z, 1 to 3 mm, and with two of them: the titles round to the same. */
+static void every_axis_has_numbers(void **state)
+{
+	const float seen[4] = { 0 };
+	double ink[2];
+
+	(void)state;
+	for (int i = 0; i < 2; i++) {
+		const double low_m = i ? 0.0012 : 0.001;
+		const struct bb_coverage_grid grid = { .min = { low_m, 0, low_m }, .step_m = 0.001, .n = { 2, 1, 2 } };
+		ink[i] = ink_on(&grid, seen, 0.1, 1);
+	}
+	assert_true(ink[0] > ink[1] + 20);
+}
+
 /* ---- placement ---- */
 
 static double worth_of(const struct bb_coverage_config *config, struct bb_camera_config *cams, const double *x, struct bb_vec3 p)
@@ -671,6 +749,9 @@ int main(void)
 		cmocka_unit_test(expected_error_is_what_comes),
 		cmocka_unit_test(threads_change_nothing),
 		cmocka_unit_test(clouds_stand_where_they_are),
+		cmocka_unit_test(contours_split_saddles_by_their_mean),
+		cmocka_unit_test(every_scale_has_numbers),
+		cmocka_unit_test(every_axis_has_numbers),
 		cmocka_unit_test(placement_finds_what_trying_all_finds),
 		cmocka_unit_test(placement_keeps_its_rules),
 		cmocka_unit_test(placement_seeks_the_weakest_decile),

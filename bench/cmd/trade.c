@@ -10,6 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "bench/report/drawing_page.h"
 #include "bench/trade/trade.h"
 #include "render/parallel.h"
 
@@ -17,7 +18,7 @@ static const struct bb_cli_option options[] = {
 	{ "device", "CLASS", "of ROOM SCENE: shutters, cameras, displays, monitors, power or gamepads" },
 	{ "from", "N", "of --device: fidelities N and N + 1, N is 0 or 1 (0)" },
 	{ "duration", "S", "of ROOM SCENE: seconds of the scene to run (as the scene says)" },
-	{ "seed", "N", "of ROOM SCENE (7), and of what is generated (1)" },
+	{ "seed", "N", "of ROOM SCENE, --table prediction and tracking (7), of what is generated and --table clocks (1)" },
 	{ "grid", "one|full", "one: every knob about the scene's own setting (default); full: all combinations" },
 	{ "memory", "MIB,...", "memory budgets; all: none (default: about the scene's own)" },
 	{ "stream", "N,...", "streaming budgets, bricks a frame; all: no limit" },
@@ -35,7 +36,7 @@ static const struct bb_cli_option options[] = {
 	{ "tf", "FILE", "a transfer function (the scene's own, or scenes/KIND-filled.tf)" },
 	{ "inside", NULL, "the eye in the middle of the volume" },
 	{ "size", "WxH", "of a picture (320x240; of a table 200x150)" },
-	{ "frames", "N", "of a play, at 60 Hz (120)" },
+	{ "frames", "N", "of a play, at 60 Hz (120); of --table prediction (100000) and, after the first 60, tracking (7200)" },
 	{ "pictures", "N", "of them that are drawn and compared, evenly apart (3)" },
 	{ "timed", "N", "frames drawn for each picture whose time counts, 1 to 8 (3)" },
 	{ "settled", NULL, "pictures of what was selected when all of it has been read: no streaming" },
@@ -100,17 +101,25 @@ void bb_trade_say(const char *text)
 
 static int trade_run(const struct bb_cli *cli)
 {
+	const char *table = bb_cli_get(cli, "table", NULL);
+	const char *plot = bb_cli_get(cli, "plot", NULL);
+	const size_t rooms = table && !strcmp(table, "prediction");
 	struct bb_error err = { 0 };
+	const enum bb_status drawn = plot ? bb_page_check(plot, &err) : BB_OK;
 
-	if (!strcmp(bb_cli_get(cli, "table", ""), "prediction"))
+	if (drawn)
+		return bb_cli_fail(drawn, &err);
+	if (table && (size_t)cli->n_args > rooms)
+		return bb_cli_fail(bb_fail(&err, BB_ERR_USAGE, 1701, NULL, "--table %.40s is not of '%.60s'", table, cli->arg[rooms]), &err);
+	if (rooms)
 		return bb_trade_prediction_run(cli);
-	if (!strcmp(bb_cli_get(cli, "table", ""), "tracking"))
+	if (table && !strcmp(table, "tracking"))
 		return bb_trade_tracking_run(cli);
 	if (cli->n_args == 2 || bb_cli_has(cli, "device"))
 		return bb_trade_device_run(cli);
-	if (!strcmp(bb_cli_get(cli, "table", ""), "clocks"))
+	if (table && !strcmp(table, "clocks"))
 		return bb_trade_clocks_run(cli);
-	if (bb_cli_has(cli, "table"))
+	if (table)
 		return bb_trade_table_run(cli);
 	if (cli->n_args == 1 || bb_cli_has(cli, "generate"))
 		return bb_trade_scene_run(cli);

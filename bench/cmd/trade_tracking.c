@@ -19,9 +19,9 @@ int bb_trade_tracking_run(const struct bb_cli *cli)
 	int code = BB_EXIT_OK;
 
 	if (!status)
-		status = bb_cli_number(cli, "seed", 7, 0, 9e15, &seed, &err);
+		status = bb_cli_whole(cli, "seed", 7, 0, 9e15, &seed, &err);
 	if (!status)
-		status = bb_cli_number(cli, "frames", 7200, 10, 100000, &frames, &err);
+		status = bb_cli_whole(cli, "frames", 7200, 10, 100000, &frames, &err);
 	if (!status) {
 		t->seed = (uint64_t)seed;
 		t->n_frames = (unsigned)frames;

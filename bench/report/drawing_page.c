@@ -123,16 +123,26 @@ static bool ends_in(const char *text, const char *tail)
 	return n > m && !strcmp(text + n - m, tail);
 }
 
-enum bb_status bb_page_write(const struct bb_page *page, const char *file, struct bb_error *err)
+enum bb_status bb_page_check(const char *file, struct bb_error *err)
 {
 	const struct bb_where where = { file, 0, 0 };
-	const bool svg = ends_in(file, ".svg");
-	char temporary[BB_PATH_MAX_BYTES + 32];
 
-	if (!svg && !ends_in(file, ".png"))
+	if (!ends_in(file, ".svg") && !ends_in(file, ".png"))
 		return bb_fail(err, BB_ERR_USAGE, 1850, &where, "drawings are .svg or .png");
 	if (strlen(file) >= BB_PATH_MAX_BYTES)
 		return bb_fail(err, BB_ERR_USAGE, 1851, &where, "the path has more than %d bytes", BB_PATH_MAX_BYTES - 1);
+	return BB_OK;
+}
+
+enum bb_status bb_page_write(const struct bb_page *page, const char *file, struct bb_error *err)
+{
+	const struct bb_where where = { file, 0, 0 };
+	const enum bb_status status = bb_page_check(file, err);
+	const bool svg = ends_in(file, ".svg");
+	char temporary[BB_PATH_MAX_BYTES + 32];
+
+	if (status)
+		return status;
 	snprintf(temporary, sizeof(temporary), "%s.%ld.part", file, (long)getpid());
 	errno = 0;
 	if ((svg ? write_svg(page, temporary) : write_png(page, temporary)) && !rename(temporary, file))

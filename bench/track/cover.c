@@ -67,9 +67,11 @@ enum bb_status bb_cover_begin(const struct bb_room *room, const struct bb_cover_
 	const enum bb_status status = bb_coverage_create(&out->config, &out->model, &bad);
 	if (status == BB_ERR_NOMEM)
 		return bb_fail(err, status, 1702, NULL, "coverage");
+	if (status && bad == room->n_cameras) /* all other numbers are within what the wishes can say */
+		return bb_fail(err, status, 1013, &where, "the glasses' markers: %.3g m from the head, 2 at most",
+			       bb_vec3_norm(out->config.viewer.head));
 	if (status)
-		return bb_fail(err, status, 1110, &where, "camera/%s has no lens that makes a picture",
-			       bad < room->n_cameras ? room->cameras[bad].id : "?");
+		return bb_fail(err, status, 1110, &where, "camera/%s has no lens that makes a picture", room->cameras[bad].id);
 	return BB_OK;
 }
 

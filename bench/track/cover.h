@@ -34,7 +34,7 @@ struct bb_cover {
 
 /* Defaults as for a simulated room: markers and range of sim/sim_camera.h, the viewer of sim/world.h. */
 struct bb_coverage_config bb_cover_config(const struct bb_room *room, const struct bb_cover_wishes *w);
-/* 1750: no cameras; 1751: no volume, or too many voxels. */
+/* 1750: no cameras; 1751: no volume, or too many voxels; 1013: glasses far from the head; 1110: a lens. */
 BB_MUST_CHECK enum bb_status bb_cover_begin(const struct bb_room *room, const struct bb_cover_wishes *w,
 					    struct bb_cover *out, struct bb_error *err);
 BB_MUST_CHECK enum bb_status bb_cover_run(struct bb_cover *c, struct bb_error *err);
@@ -62,7 +62,7 @@ BB_MUST_CHECK enum bb_status bb_cover_csv(const struct bb_cover *c, const char *
 /* Random points of the volume, noisy pixels, the tracker's own rays and triangulation: does the error come as foretold? */
 struct bb_cover_trial {
 	size_t n_points, n_samples, n_within; /* points whose ratio is within 10 % of 1 */
-	size_t n_refused;                     /* samples that gave no position; they count against the point */
+	size_t n_refused;                     /* samples that gave no position: in no ratio, but for points without any, 0 */
 	double least_ratio, most_ratio, mean_ratio, rms_deviation; /* measured rms error / expected */
 	double cameras_mean;
 };

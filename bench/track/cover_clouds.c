@@ -230,7 +230,7 @@ static void legend(cairo_t *cr, double y)
 	cairo_fill(cr);
 	pen_text(cr, (struct pen_point){ EDGE + 133, y }, PEN_LEFT, 11, false, pen_ink, "camera, and how its picture spreads");
 	pen_text(cr, (struct pen_point){ EDGE + 350, y }, PEN_LEFT, 11, false, pen_grey,
-		 "the front wall is the far one on the left, at -z");
+		 "the front wall is the far one on the right, at -z");
 }
 
 static void paint(cairo_t *cr, void *ctx)

@@ -144,7 +144,7 @@ static void draw_contour(cairo_t *cr, const struct bb_cover_slices *s, const str
 							 low_of(g, k->across) + g->step_m * ((double)u + x[a] + t * (x[b] - x[a])),
 							 low_of(g, k->up) + g->step_m * ((double)v + y[a] + t * (y[b] - y[a])));
 			}
-			const bool turn = hits == 4 && (n[0] + n[1] + n[2] + n[3] < 0) == (n[0] < 0);
+			const bool turn = hits == 4 && (n[0] + n[1] + n[2] + n[3] < 0) != (n[0] < 0);
 			for (int i = 0; i + 1 < hits; i += 2) {
 				const struct pen_point p = hit[turn ? (i + 1) % 4 : i], q = hit[turn ? (i + 2) % 4 : i + 1];
 				cairo_move_to(cr, p.x, p.y);
@@ -160,11 +160,18 @@ static void draw_contour(cairo_t *cr, const struct bb_cover_slices *s, const str
 	cairo_stroke(cr);
 }
 
+/* In a box of less than a metre a power of ten, so that there are two at least. */
+static double tick_m(const struct bb_coverage_grid *g, const struct cut *k, int axis)
+{
+	const double length_m = length_of(g, axis);
+
+	return length_m < 1 ? pow(10, floor(log10(length_m / 2))) : length_of(g, k->across) > 5 ? 1 : 0.5;
+}
+
 static void draw_ticks(cairo_t *cr, const struct bb_coverage_grid *g, const struct cut *k)
 {
 	static const char name[3] = { 'x', 'y', 'z' };
 	const double w = k->scale * length_of(g, k->across), h = k->scale * length_of(g, k->up);
-	const double step = length_of(g, k->across) > 5 ? 1 : 0.5;
 
 	cairo_rectangle(cr, k->x, k->y - h, w, h);
 	pen_set(cr, pen_ink);
@@ -172,7 +179,7 @@ static void draw_ticks(cairo_t *cr, const struct bb_coverage_grid *g, const stru
 	cairo_stroke(cr);
 	for (int pass = 0; pass < 2; pass++) {
 		const int axis = pass ? k->up : k->across;
-		const double low = low_of(g, axis), high = low + length_of(g, axis);
+		const double low = low_of(g, axis), high = low + length_of(g, axis), step = tick_m(g, k, axis);
 		for (int i = (int)ceil(low / step - 1e-9); i * step <= high + 1e-9; i++) {
 			const double m = i * step;
 			const struct pen_point on = page_point(g, k, pass ? low_of(g, k->across) : m, pass ? m : low_of(g, k->up));
@@ -276,6 +283,12 @@ static struct layout lay_out(const struct bb_cover_slices *s)
 	return l;
 }
 
+static void mark(cairo_t *cr, double x, double y, double mm)
+{
+	pen_line(cr, (struct pen_point){ x, y }, (struct pen_point){ x + 4, y }, 0.8, pen_ink);
+	pen_text(cr, (struct pen_point){ x + 8, y }, PEN_LEFT, 10, false, pen_ink, "%.3g", mm);
+}
+
 static void draw_scale(cairo_t *cr, const struct scale *scale, double x, double top, double height)
 {
 	static const double round_mm[] = { 0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 1, 1.5, 2, 3, 5, 10, 20, 50, 100 };
@@ -291,13 +304,17 @@ static void draw_scale(cairo_t *cr, const struct scale *scale, double x, double 
 	pen_set(cr, pen_ink);
 	cairo_set_line_width(cr, 0.8);
 	cairo_stroke(cr);
+	int marks = 0;
 	for (size_t i = 0; i < BB_ARRAY_LEN(round_mm); i++) {
 		const double t = (log(round_mm[i]) - scale->low) / (scale->high - scale->low);
-		const double y = top + height * (1 - t);
 		if (t < 0 || t > 1)
 			continue;
-		pen_line(cr, (struct pen_point){ x + 18, y }, (struct pen_point){ x + 22, y }, 0.8, pen_ink);
-		pen_text(cr, (struct pen_point){ x + 26, y }, PEN_LEFT, 10, false, pen_ink, "%g", round_mm[i]);
+		mark(cr, x + 18, top + height * (1 - t), round_mm[i]);
+		marks++;
+	}
+	if (marks < 2) { /* so narrow that round numbers say nothing of how steep it is */
+		mark(cr, x + 18, top + height, exp(scale->low));
+		mark(cr, x + 18, top, exp(scale->high));
 	}
 	pen_text(cr, (struct pen_point){ x + 9, top - 26 }, PEN_CENTRE, 11, true, pen_ink, "error");
 	pen_text(cr, (struct pen_point){ x + 9, top - 12 }, PEN_CENTRE, 10.5, false, pen_grey, "mm");

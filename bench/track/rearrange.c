@@ -185,10 +185,9 @@ enum bb_status bb_rearranged_write(const struct bb_room *room, const struct bb_c
 	bb_rearranged_print(cameras, n, file.out);
 	fputs(end, file.out);
 	free(text);
-	if (fflush(file.out))
-		status = bb_fail(err, BB_ERR_IO, 1754, NULL, "%s", path);
-	if (!status)
-		status = check(file.part, path, cameras, n, err);
+	if (ferror(file.out) || fflush(file.out))
+		return bb_file_commit(&file, err); /* it says why it cannot */
+	status = check(file.part, path, cameras, n, err);
 	if (!status)
 		return bb_file_commit(&file, err);
 	bb_file_abort(&file);

@@ -32,7 +32,7 @@ struct bb_tracking_point {
 
 struct bb_tracking {
 	uint64_t seed;
-	unsigned n_frames, n_pictures; /* of a point; of one at fidelity 2 */
+	unsigned n_frames, n_pictures; /* of a point at most, the walk may end before; of one at fidelity 2 */
 	size_t n;
 	struct bb_tracking_point point[BB_TRACKING_POINTS_MAX];
 };

@@ -27,7 +27,7 @@ void bb_tracking_print(const struct bb_tracking *t, FILE *f)
 {
 	fprintf(f,
 		"scenes/walk.path, the viewer's body in the way, unpredicted pose of the glasses at mid-exposure, %u frames a "
-		"line\n(%u at fidelity 2). rms over all frames with a pose, and over those in which four cameras see three "
+		"line\nat most (%u at fidelity 2). rms over all frames with a pose, and over those in which four cameras see three "
 		"markers;\nseeing: cameras that see three, mean; ms a frame by the stopwatch: median, p99.\n",
 		t->n_frames, t->n_pictures);
 	for (size_t i = 0; i < t->n; i++) {
