@@ -9,14 +9,17 @@ refused() { # NUMBER ARGUMENTS...
 }
 
 check "a file to choose from" "$program" volume build --generate cme --dim 60x52x44 --steps 5 --brick 8 --quiet --out "$work/s.bricks"
-selected() { # NAME: covers the volume, in so many bricks at most
+selected() { # NAME: covers the volume; by budget, in so many bricks at most
 	"$program" volume select "$work/s.bricks" --tf scenes/cme.tf --selector "$1" --step 2 --memory 60 --json >"$work/$1.json" &&
-		[ "$(field "$work/$1.json" 'abs(sum(l["voxel_share"] for l in r["levels"]) - 1) < 1e-9')" = True ]
+		[ "$(field "$work/$1.json" '(abs(sum(l["voxel_share"] for l in r["levels"]) - 1) < 1e-9 and
+			(r["selector"].startswith(("scalar", "colour")) or 1 < r["bricks"] <= 60))')" = True ]
 }
 for selector in $("$program" volume select x --selector help | cut -d' ' -f1); do
 	check "selector $selector" selected "$selector"
 done
 check "an unknown selector is refused" refused 1460 select "$work/s.bricks" --tf scenes/cme.tf --selector nobody
+check "no transfer function is refused" refused 1701 select "$work/s.bricks"
+check "half a brick is refused" refused 1704 select "$work/s.bricks" --tf scenes/cme.tf --memory 2.5
 check "an unknown set is refused" refused 1460 tables --set nobody
 "$program" volume tables --scale 30 --set shock --json >"$work/tables.json"
 check "tables" [ "$(field "$work/tables.json" 'len(r["sets"])')" = 4 ]

@@ -44,7 +44,7 @@ static enum bb_status read_ask(const struct bb_cli *cli, struct selecting *s, st
 	enum bb_status status = bb_cli_whole(cli, "step", 0, 0, t->n_steps - 1.0, &step, err);
 
 	if (!status)
-		status = bb_cli_number(cli, "memory", leaves < 8 ? 1 : leaves / 8, 1, 4e9, &memory, err);
+		status = bb_cli_whole(cli, "memory", leaves < 8 ? 1 : leaves / 8, 1, 4e9, &memory, err);
 	if (!status)
 		status = bb_cli_number(cli, "stream", 0, 0, 4e9, &s->ask.budget.stream_bricks, err);
 	if (!status)
@@ -58,10 +58,12 @@ static enum bb_status read_ask(const struct bb_cli *cli, struct selecting *s, st
 
 static enum bb_status choose(const struct bb_cli *cli, struct selecting *s, struct bb_error *err)
 {
-	enum bb_status status = bb_bricks_open(cli->arg[0], &s->b, err);
+	const char *tf = bb_cli_get(cli, "tf", NULL);
+	enum bb_status status = tf ? bb_bricks_open(cli->arg[0], &s->b, err)
+				   : bb_fail(err, BB_ERR_USAGE, 1701, NULL, "--tf FILE: a choice is for a transfer function");
 
 	if (!status)
-		status = bb_transfer_load(bb_cli_get(cli, "tf", ""), &s->tf, err);
+		status = bb_transfer_load(tf, &s->tf, err);
 	if (!status)
 		status = read_ask(cli, s, err);
 	if (status)

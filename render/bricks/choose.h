@@ -45,7 +45,7 @@ size_t bb_choose_uniform(const struct bb_tree *t, uint32_t step, uint32_t memory
 /*
  * The best there is, for trees of a few hundred bricks: least sum of `cost` of the chosen, at most memory_bricks of
  * them, by dynamic programming over the octree (a subtree's best for each number of bricks). Returns 0 when the tree is
- * too large.
+ * too large, or memory too small.
  */
 size_t bb_choose_optimum(const struct bb_tree *t, const float *cost, uint32_t step, uint32_t memory_bricks,
 			 struct bb_choice *out);

@@ -80,7 +80,7 @@ double bb_metric_deviation_of_row(int row); /* of the first table's */
 
 /*
  * The reference metrics of every brick, from every voxel of the leaves of all single steps, read once; sums of colours
- * go up both trees. Takes 80 bytes a brick and two leaf bricks a step. Errors as of bb_bricks_read; 1702.
+ * go up both trees. Takes 88 bytes a brick, and a byte a step for each voxel of a leaf. Errors as of bb_bricks_read; 1702.
  */
 BB_MUST_CHECK enum bb_status bb_metric_rate_reference(const struct bb_bricks *b, const struct bb_metric_colours *c,
 						      float *space, float *time, struct bb_error *err);

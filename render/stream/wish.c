@@ -100,8 +100,8 @@ static void sort(struct bb_wish *w, uint32_t n)
 
 /*
  * How many bricks to ask for now, so that all are here when their step is on show and no frame has more to do than
- * another: the steepest line from here to any date. A quarter of a step is added to each: for so long what is on show may
- * be a little coarser. Under a streaming budget what is on show and missing is not paced: the budget does that.
+ * another: the steepest line from here to any date. No date is nearer than a quarter of a step: for so long what is on
+ * show may be a little coarser. Under a streaming budget what is on show and missing is not paced: the budget does that.
  */
 static uint32_t pace(const struct bb_stream *s)
 {
