@@ -82,14 +82,16 @@ begin() { # NAME
 
 # kill -9 of one of four, in the middle, where it is started again: both its nodes are, and have time to fall behind
 disturb again
+back() { grep -o "node .* is back" "$work/again.err" | sort -u | wc -l; }
 for i in $(seq 400); do
-	[ "$(grep -c 'is back' "$work/again.err")" -ge 2 ] && break
+	[ "$(back)" -ge 2 ] && break
 	sleep 0.1
 done
 sleep 3
 kill -TERM "$pid_again"
 wait "$pid_again"
-check "restart: both nodes of the process are back" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined']")" = 2 ]
+check "restart: both nodes of the process are back" [ "$(back)" -ge 2 ]
+check "restart: the report counts them" [ "$(field "$work/again/result.json" "r['counters']['nodes_rejoined'] >= 2")" = True ] # on a busy machine one may fall behind again
 check "restart: within five times 2 s" [ "$(field "$work/again/result.json" "all((i['to_s'] or r['duration_s']) - i['from_s'] < 10 for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
 check "restart: and stay so" [ "$(field "$work/again/result.json" "r['counters']['processes_lost'] == 1 and all(i['to_s'] is not None for i in r['incidents'] if 'signal 9' in i['what'])")" = True ]
 
