@@ -55,7 +55,7 @@ for codec in lz4 zstd; do
 done
 "$program" volume speed "$work/a.bricks" --mib 4 --rounds 3 --depth 2 --json >"$work/speed.json"
 check "its speed is told, beside memcpy" [ "$(field "$work/speed.json" \
-	'min(r["ratio"] for r in r["rows"]) > 0, [x["against"] for x in r["rows"]].count("memcpy") >= 8')" = "(True, True)" ]
+	'min(r["ratio"] for r in r["rows"]) > 0, [x["against"] for x in r["rows"]].count("memcpy") >= 4')" = "(True, True)" ]
 check "and of packed bricks" packed_speed
 printf 'x' | dd of="$work/a.bricks" bs=1 seek=5000 conv=notrunc 2>/dev/null
 check "a damaged brick is named" damaged

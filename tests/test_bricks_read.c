@@ -155,7 +155,7 @@ static void batches_of_any_file_are_its_bricks(void **state)
 	for (int i = 0; i < 40; i++) {
 		struct brick_rig r;
 		const bool large = i % 10 == 9; /* bricks of more than one piece of staging */
-		const uint32_t edge = large ? 48 : 4 + 2 * (rig_random(&seed) % 8), most = large ? 60 : 30;
+		const uint32_t edge = large ? 64 : 4 + 2 * (rig_random(&seed) % 8), most = large ? 80 : 30;
 		rig_begin(&r, 1 + rig_random(&seed) % most, 1 + rig_random(&seed) % most, 1 + rig_random(&seed) % most,
 			  1 + rig_random(&seed) % (large ? 2 : 4), edge);
 		r.config.pad = rig_random(&seed) % 3;
@@ -216,6 +216,20 @@ static void four_threads_read_one_file(void **state)
 	}
 }
 
+/* All of the file out of the page cache; and of every two `part`s the second one in again. */
+static void drop(const char *path, size_t part)
+{
+	const int fd = open(path, O_RDONLY | O_CLOEXEC);
+	char *bytes = malloc(part + 1);
+
+	assert_true(fd >= 0 && bytes && !fsync(fd) && !posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED));
+	assert_int_equal(posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM), 0); /* and nothing besides */
+	for (off_t at = (off_t)part; part && pread(fd, bytes, part, at) > 0; at += 2 * (off_t)part)
+		;
+	free(bytes);
+	close(fd);
+}
+
 /* Neighbours in the file are one read; what is not in the page cache comes all the same. */
 static void neighbours_are_joined(void **state)
 {
@@ -230,15 +244,14 @@ static void neighbours_are_joined(void **state)
 	uint8_t *all = all_of(b), *out = malloc(BB_ARRAY_LEN(wants) * n_brick);
 	for (int cold = 0; cold < 2; cold++) {
 		struct bb_bricks_reader *reader = reader_of(b, MANY, BB_BRICKS_CACHED);
-		const int fd = open(r.result, O_RDONLY | O_CLOEXEC);
 		const uint32_t n = 300; /* of the finest level of the first time node */
 		assert_true(t->n_nodes - t->first[t->n_levels - 1] >= n && n <= BB_ARRAY_LEN(wants));
 		for (uint32_t i = 0; i < n; i++) /* every third, then the others */
 			wants[i] = (struct bb_bricks_want){
 				.brick = t->first[t->n_levels - 1] + i * 7 % n, .out = out + i * n_brick
 			};
-		assert_true(fd >= 0 && !fsync(fd) && (!cold || !posix_fadvise(fd, 0, 0, POSIX_FADV_DONTNEED)));
-		close(fd);
+		if (cold)
+			drop(r.result, 0);
 		assert_int_equal(bb_bricks_read_many(reader, wants, n, NULL), BB_OK);
 		for (uint32_t i = 0; i < n; i++)
 			assert_memory_equal(wants[i].out, all + wants[i].brick * n_brick, n_brick);
@@ -256,6 +269,44 @@ static void neighbours_are_joined(void **state)
 	free(out);
 	bb_bricks_close(b);
 	rig_end(&r);
+}
+
+/* More reads than can be under way together; of which all, some or none find their bytes in the page cache. */
+static void scattered_bricks_come_from_cache_and_disk(void **state)
+{
+	static const struct {
+		uint32_t dim, edge, apart;
+		size_t part;
+	} kinds[] = { { 64, 8, 5, 28 << 10 }, { 100, 64, 1, 600 << 10 } }; /* small ones apart; large ones that are read in parts */
+	(void)state;
+
+	for (size_t kind = 0; kind < BB_ARRAY_LEN(kinds); kind++) {
+		struct brick_rig r;
+		rig_begin(&r, kinds[kind].dim, kinds[kind].dim, kinds[kind].dim, 1, kinds[kind].edge);
+		struct bb_bricks *b = rig_build(&r);
+		const uint32_t n_bricks = (uint32_t)bb_bricks_header(b)->tree.n_bricks, n = n_bricks / kinds[kind].apart;
+		const size_t n_brick = bb_bricks_brick_bytes(bb_bricks_header(b));
+		struct bb_bricks_want *wants = calloc(n, sizeof(*wants));
+		uint8_t *all = all_of(b), *out = malloc(n * n_brick);
+		struct bb_bricks_reader *reader = reader_of(b, n, BB_BRICKS_CACHED);
+		assert_true(wants && out);
+		for (int cold = 0; cold < 3; cold++) {
+			if (cold)
+				drop(r.result, cold == 1 ? kinds[kind].part : 0);
+			for (uint32_t i = 0; i < n; i++)
+				wants[i] = (struct bb_bricks_want){ .brick = i * kinds[kind].apart, .out = out + i * n_brick };
+			memset(out, 0, n * n_brick);
+			assert_int_equal(bb_bricks_read_many(reader, wants, n, NULL), BB_OK);
+			for (uint32_t i = 0; i < n; i++)
+				assert_memory_equal(wants[i].out, all + wants[i].brick * n_brick, n_brick);
+		}
+		bb_bricks_reader_destroy(reader);
+		free(wants);
+		free(all);
+		free(out);
+		bb_bricks_close(b);
+		rig_end(&r);
+	}
 }
 
 /* A reader says what it holds, to the byte, and takes nothing more to read with. */
@@ -288,6 +339,67 @@ static void reading_allocates_nothing(void **state)
 		rig_end(&r);
 	}
 	bb_bricks_reader_destroy(NULL);
+}
+
+/* The file's header says another version. */
+static void say_version(const char *path, uint32_t version)
+{
+	uint8_t header[BB_BRICKS_HEADER_BYTES];
+	FILE *f = fopen(path, "r+");
+
+	assert_true(f && fread(header, 1, sizeof(header), f) == sizeof(header));
+	bb_put_u32(header + 8, version);
+	bb_put_u32(header + sizeof(header) - 4, bb_crc32c(0, header, sizeof(header) - 4));
+	assert_true(!fseek(f, 0, SEEK_SET) && fwrite(header, 1, sizeof(header), f) == sizeof(header));
+	fclose(f);
+}
+
+/* Half the data is noise: its bricks are in the file as they are, the others packed, and all of them are what a file
+ * without a codec has. A file of the first version has none that are as they are. */
+static void what_does_not_pack_is_as_it_is(void **state)
+{
+	(void)state;
+
+	for (int codec = BB_BRICK_LZ4; codec < BB_BRICK_CODECS; codec++) {
+		struct brick_rig r;
+		uint64_t seed = 9;
+		rig_begin(&r, 32, 32, 32, 1, 8);
+		for (size_t i = 0; i < rig_voxels(&r); i++)
+			r.voxels[i] = i < rig_voxels(&r) / 2 ? 0 : ldexpf((float)rig_random(&seed), (int)(i * 7 % 30));
+		rig_write(&r);
+		r.config.pad = 0; /* at a face it repeats what is beside it */
+		struct bb_bricks *b = rig_build(&r);
+		uint8_t *plain = all_of(b);
+		bb_bricks_close(b);
+		r.config.codec = (enum bb_brick_codec)codec;
+		b = rig_build(&r);
+		const size_t n_brick = bb_bricks_brick_bytes(bb_bricks_header(b));
+		const uint64_t n = bb_bricks_header(b)->tree.n_bricks;
+		uint64_t as_is = 0;
+		for (uint64_t i = 0; i < n; i++) {
+			const uint32_t bytes = bb_bricks_index(b)[i].bytes;
+			assert_true(bytes == n_brick || bytes < n_brick - n_brick / 16);
+			as_is += bytes == n_brick;
+		}
+		print_message("%s: %d of %d bricks are as they are\n", bb_brick_codec_text(r.config.codec), (int)as_is,
+			      (int)n);
+		assert_true(as_is >= n / 4 && as_is <= n * 3 / 4);
+		uint8_t *all = all_of(b);
+		assert_memory_equal(all, plain, n * n_brick);
+		struct bb_bricks_reader *reader = reader_of(b, 16, BB_BRICKS_CACHED);
+		batches_are_as_all(b, reader, plain, 5, 20);
+		bb_bricks_reader_destroy(reader);
+		bb_bricks_close(b);
+		say_version(r.result, 1);
+		assert_int_equal(bb_bricks_open(r.result, &b, NULL), BB_OK);
+		for (uint64_t i = 0; i < n; i++)
+			assert_int_equal(bb_bricks_read(b, i, all, NULL),
+					 bb_bricks_index(b)[i].bytes == n_brick ? BB_ERR_FORMAT : BB_OK);
+		bb_bricks_close(b);
+		free(plain);
+		free(all);
+		rig_end(&r);
+	}
 }
 
 /* ---- damage ---- */
@@ -388,7 +500,9 @@ int main(void)
 		cmocka_unit_test(batches_of_any_file_are_its_bricks),
 		cmocka_unit_test(four_threads_read_one_file),
 		cmocka_unit_test(neighbours_are_joined),
+		cmocka_unit_test(scattered_bricks_come_from_cache_and_disk),
 		cmocka_unit_test(reading_allocates_nothing),
+		cmocka_unit_test(what_does_not_pack_is_as_it_is),
 		cmocka_unit_test(a_damaged_brick_fails_alone),
 		cmocka_unit_test(a_file_that_shrinks_gives_what_it_has),
 	};

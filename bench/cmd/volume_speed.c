@@ -5,6 +5,8 @@
  * be met is a question about the disk and the memory of the machine that will show the data.
  *
  * The peers take turns round by round; a ratio is that of one round, and its median and quartiles over the rounds are told.
+ * Both hand over the same bricks in the same order to the same slots, by as many threads, out of memory that is in no
+ * cache. The bare decoder has all bricks packed, those too that the file has as they are because packing did not pay.
  */
 #define _GNU_SOURCE /* O_DIRECT */
 #include <fcntl.h>
@@ -24,7 +26,7 @@
 #include "render/parallel.h"
 
 #define ROUNDS_MOST 999
-#define ROUND_WARM_BYTES (1u << 20) /* or a batch: well below a turn of another process */
+#define ROUND_WARM_BYTES (8u << 20) /* or a batch: many times what starting a thread takes */
 #define ROUND_COLD_BYTES (64u << 20)
 #define POOL_BYTES (128u << 20)    /* of slots, for each thread: several times what the caches hold */
 #define WAITING_BYTES (16u << 20)  /* and for each of those that wait for the disk */
@@ -36,7 +38,7 @@ static const struct bb_cli_option options[] = {
 	{ "rounds", "N", "for rows of the page cache; those of the disk have an eighth of it, and 5 (default 199)" },
 	{ "batch", "N", "bricks asked for at once (default 64)" },
 	{ "threads", "N", "warm rows for 1 and for N readers (default: one for each processor)" },
-	{ "depth", "N", "cold rows for 1 and for N readers, who mostly wait (default 8)" },
+	{ "depth", "N", "cold rows for 1 and for N readers (default 8)" },
 	{ "seed", "N", "of the random order (default 1)" },
 	{ "json", NULL, "machine-readable" },
 	{ NULL, NULL, NULL },
@@ -51,6 +53,11 @@ struct worker { /* a thread's own */
 	size_t next, n_slots;
 };
 
+struct packed { /* a brick in memory, as the peer has it */
+	uint64_t at;
+	uint32_t bytes;
+};
+
 struct speed {
 	const struct bb_bricks *b;
 	int fd, direct_fd; /* -1: no direct reads here */
@@ -60,9 +67,10 @@ struct speed {
 	uint64_t sequential_at; /* where the next sequential read of the file begins */
 	uint32_t from, to;  /* of the order, in this round */
 	uint64_t *order;    /* [n] bricks */
-	uint64_t *copy_at;  /* [n] where their bytes stand in copy */
+	struct packed *copied; /* [n] */
 	uint8_t *copy;
 	uint64_t file_bytes, stored_bytes; /* of these bricks in the file */
+	uint32_t as_is;                    /* of them are stored so, whatever the codec */
 	struct worker worker[BB_PARALLEL_MOST];
 	enum way way;
 	atomic_uint failed;
@@ -121,45 +129,74 @@ static uint32_t order_near(const struct speed *s, uint64_t seed, uint32_t most)
 	return n;
 }
 
-/* The bytes of the bricks in order, as they lie in the file: a copy of it in memory, without what is not asked for. */
+struct place { /* of a brick of the order */
+	uint64_t offset;
+	uint32_t i;
+};
+
+static int by_offset(const void *a, const void *b)
+{
+	const uint64_t x = ((const struct place *)a)->offset, y = ((const struct place *)b)->offset;
+
+	return x < y ? -1 : x > y;
+}
+
+/* To s->copy + at, as the peer takes it from there; 0: it could not be read. */
+static size_t copy_brick(struct speed *s, uint64_t brick, uint64_t at)
+{
+	const struct bb_bricks_header *h = bb_bricks_header(s->b);
+	const struct bb_bricks_record *r = &bb_bricks_index(s->b)[brick];
+	uint8_t *const to = s->copy + at, *const values = s->worker[0].pool;
+
+	if (!values || pread(s->fd, values, r->bytes, (off_t)r->offset) != (ssize_t)r->bytes)
+		return 0;
+	s->stored_bytes += r->bytes;
+	s->as_is += bb_bricks_as_is(h, r->bytes);
+	if (h->codec == BB_BRICK_LZ4 && bb_bricks_as_is(h, r->bytes))
+		return (size_t)LZ4_compress_default((const char *)values, (char *)to, (int)r->bytes,
+						    LZ4_compressBound((int)r->bytes));
+	memcpy(to, values, r->bytes);
+	return r->bytes;
+}
+
+/* The bricks in memory, in the file's order and without what lies between them. */
 static enum bb_status copy_file(struct speed *s, struct bb_error *err)
 {
-	const struct bb_bricks_record *index = bb_bricks_index(s->b);
-	uint64_t first = UINT64_MAX, end = 0;
+	const uint64_t cap = bb_values_packed_cap(bb_bricks_header(s->b)->codec, s->n_brick);
+	struct place *place = calloc(s->n, sizeof(*place));
+	uint64_t at = 0;
 
-	s->stored_bytes = 0;
-	for (uint32_t i = 0; i < s->n; i++) {
-		const struct bb_bricks_record *r = &index[s->order[i]];
-		first = r->offset < first ? r->offset : first;
-		end = r->offset + r->bytes > end ? r->offset + r->bytes : end;
-		s->stored_bytes += r->bytes;
-	}
+	s->stored_bytes = s->as_is = 0;
 	free(s->copy);
-	s->copy = malloc(end - first);
-	if (!s->copy)
-		return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a copy of the bricks");
-	memset(s->copy, 0, end - first);
-	for (uint32_t i = 0; i < s->n; i++) {
-		const struct bb_bricks_record *r = &index[s->order[i]];
-		s->copy_at[i] = r->offset - first;
-		if (pread(s->fd, s->copy + s->copy_at[i], r->bytes, (off_t)r->offset) != (ssize_t)r->bytes)
-			return bb_fail(err, BB_ERR_FORMAT, 1406, NULL, "brick %llu", (unsigned long long)s->order[i]);
+	s->copy = malloc(cap * s->n);
+	for (uint32_t i = 0; place && i < s->n; i++)
+		place[i] = (struct place){ bb_bricks_index(s->b)[s->order[i]].offset, i };
+	if (place)
+		qsort(place, s->n, sizeof(*place), by_offset);
+	for (uint32_t k = 0; place && s->copy && k < s->n; k++) {
+		const uint32_t i = place[k].i;
+		s->copied[i] = (struct packed){ at, (uint32_t)copy_brick(s, s->order[i], at) };
+		at += s->copied[i].bytes;
+		s->failed += !s->copied[i].bytes;
 	}
-	return BB_OK;
+	free(place);
+	return place && s->copy ? BB_OK : bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "a copy of the bricks");
 }
 
 /* ---- one round of one peer ---- */
 
 static bool from_memory(const struct speed *s, struct worker *w, uint32_t i, uint8_t *slot)
 {
-	const uint8_t *from = s->copy + s->copy_at[i];
-	const size_t n = bb_bricks_index(s->b)[s->order[i]].bytes;
+	const uint8_t *from = s->copy + s->copied[i].at;
+	const size_t n = s->copied[i].bytes;
 
 	switch (bb_bricks_header(s->b)->codec) {
 	case BB_BRICK_LZ4:
 		return LZ4_decompress_safe((const char *)from, (char *)slot, (int)n, (int)s->n_brick) == (int)s->n_brick;
 	case BB_BRICK_ZSTD:
-		return bb_values_unpack(&w->unpacker, from, n, slot, s->n_brick);
+		if (!bb_bricks_as_is(bb_bricks_header(s->b), n))
+			return bb_values_unpack(&w->unpacker, from, n, slot, s->n_brick);
+		/* fallthrough */
 	case BB_BRICK_PLAIN:
 	case BB_BRICK_CODECS:
 		memcpy(slot, from, n);
@@ -282,13 +319,13 @@ static void fill_cache(struct speed *s)
 			atomic_fetch_add(&s->failed, 1);
 }
 
-static void warm_rows(struct speed *s, const char *what, const char *order, unsigned rounds, struct row *rows, size_t *n)
+static void warm_rows(struct speed *s, const char *order, unsigned rounds, struct row *rows, size_t *n)
 {
 	const enum bb_brick_codec codec = bb_bricks_header(s->b)->codec;
 
 	for (unsigned threads = 1;; threads = s->most_threads) {
 		struct row *r = &rows[(*n)++];
-		*r = (struct row){ .what = what,
+		*r = (struct row){ .what = "page cache",
 				   .order = order,
 				   .peer = codec == BB_BRICK_PLAIN ? "memcpy" :
 					   codec == BB_BRICK_LZ4   ? "liblz4 from memory" :
@@ -311,14 +348,14 @@ static void warm_rows(struct speed *s, const char *what, const char *order, unsi
 	}
 }
 
-/* Beside one reader that reads the file in order, and beside as many. */
+/* Beside as many readers that read the file in order. The stream has one. */
 static void cold_rows(struct speed *s, const char *order, unsigned rounds, struct row *rows, size_t *n)
 {
 	static const struct {
 		enum way way;
 		const char *what;
-	} ways[] = { { COLD_DIRECT, "cold, O_DIRECT" }, { COLD_CACHED, "cold, dropped from the page cache" } };
-	const unsigned readers[][2] = { { 1, 1 }, { s->depth, 1 }, { s->depth, s->depth } };
+	} ways[] = { { COLD_CACHED, "cold, dropped from the page cache" }, { COLD_DIRECT, "cold, page cache not asked" } };
+	const unsigned readers[][2] = { { 1, 1 }, { s->depth, s->depth } };
 
 	for (size_t i = 0; i < (s->depth > 1 ? BB_ARRAY_LEN(readers) : 1); i++)
 		for (size_t k = 0; k < BB_ARRAY_LEN(ways); k++) {
@@ -328,7 +365,7 @@ static void cold_rows(struct speed *s, const char *order, unsigned rounds, struc
 					   .peer = "disk, in order",
 					   .threads = readers[i][0],
 					   .peer_threads = readers[i][1],
-					   .must = s->n_brick > 100000 && i == 1 ? 0.9 : 0 };
+					   .must = s->n_brick > 100000 && i == 0 ? 0.9 : 0 };
 			compare(s, SEQUENTIAL, ways[k].way, false, rounds / 8 + 5, r);
 		}
 }
@@ -336,9 +373,9 @@ static void cold_rows(struct speed *s, const char *order, unsigned rounds, struc
 static int tell_json(const struct speed *s, const struct row *rows, size_t n)
 {
 	const struct bb_bricks_header *h = bb_bricks_header(s->b);
-	json_t *root = json_pack("{s:i, s:i, s:s, s:s, s:i, s:I, s:i, s:o}", "brick", (int)h->tree.edge, "pad", (int)h->pad,
+	json_t *root = json_pack("{s:i, s:i, s:s, s:s, s:i, s:i, s:I, s:i, s:o}", "brick", (int)h->tree.edge, "pad", (int)h->pad,
 				 "type", bb_brick_type_text(h->type), "codec", bb_brick_codec_text(h->codec), "bricks",
-				 (int)s->n, "bytes_of_the_file", (json_int_t)s->stored_bytes, "batch", (int)s->batch,
+				 (int)s->n, "as_they_are", (int)s->as_is, "bytes_of_the_file", (json_int_t)s->stored_bytes, "batch", (int)s->batch,
 				 "rows", json_array());
 	json_t *list = json_object_get(root, "rows");
 
@@ -360,10 +397,11 @@ static int tell(const struct bb_cli *cli, const struct speed *s, const struct ro
 
 	if (bb_cli_has(cli, "json"))
 		return tell_json(s, rows, n);
-	printf("bricks of %u^3 and %u around them, %s, codec %s; %u bricks, %.1f MiB in the file, batches of %u; "
-	       "medians and quartiles of %u rounds\n",
+	printf("bricks of %u^3 and %u around them, %s, codec %s; %u bricks, %.1f MiB, in the file %.3f of that, %.3f of them "
+	       "as they are; batches of %u; medians and quartiles of %u rounds\n",
 	       h->tree.edge, h->pad, bb_brick_type_text(h->type), bb_brick_codec_text(h->codec), s->n,
-	       (double)s->stored_bytes / 1048576, s->batch, rounds);
+	       (double)s->n * (double)s->n_brick / 1048576,
+	       (double)s->stored_bytes / (double)s->n / (double)s->n_brick, (double)s->as_is / s->n, s->batch, rounds);
 	printf("%-34s %-7s %7s %7s  %-20s %7s %7s %6s %17s %7s %4s\n", "what", "order", "readers", "GB/s", "against",
 	       "readers", "GB/s", "ratio", "", "of best", "must");
 	for (size_t i = 0; i < n; i++) {
@@ -438,7 +476,7 @@ static void tear_down(struct speed *s)
 		free(s->worker[i].pool);
 	}
 	free(s->order);
-	free(s->copy_at);
+	free(s->copied);
 	free(s->copy);
 	if (s->fd >= 0)
 		close(s->fd);
@@ -453,24 +491,18 @@ static enum bb_status measure(struct speed *s, double mib, uint64_t seed, unsign
 	const uint32_t most = (uint32_t)(asked < all ? asked : all);
 
 	s->order = calloc(most, sizeof(*s->order));
-	s->copy_at = calloc(most, sizeof(*s->copy_at));
+	s->copied = calloc(most, sizeof(*s->copied));
 	for (int near = 0; near < 2; near++) {
-		s->n = !s->order || !s->copy_at ? 0 : near ? order_near(s, seed, most) : order_random(s, seed, most);
+		s->n = !s->order || !s->copied ? 0 : near ? order_near(s, seed, most) : order_random(s, seed, most);
 		if (!s->n)
 			return bb_fail(err, BB_ERR_NOMEM, 1702, NULL, "an order of %u bricks", most);
 		const enum bb_status status = copy_file(s, err);
 		if (status)
 			return status;
 		fill_cache(s);
-		warm_rows(s, "page cache", near ? "near" : "random", rounds, rows, n);
+		warm_rows(s, near ? "near" : "random", rounds, rows, n);
 		if (s->direct_fd >= 0)
 			cold_rows(s, near ? "near" : "random", rounds, rows, n);
-		if (near)
-			continue;
-		s->from = 0;
-		s->to = s->n;
-		(void)rate(s, COLD_CACHED, 1, true);
-		warm_rows(s, "page cache, came brick by brick", "random", rounds, rows, n);
 	}
 	if (s->failed)
 		return bb_fail(err, BB_ERR_FORMAT, 1441, NULL, "%u batches", s->failed);

@@ -184,7 +184,7 @@ enum bb_status bb_bricks_read(const struct bb_bricks *b, uint64_t brick, uint8_t
 	const struct bb_where where = { b->path, 0, 0 };
 	const struct bb_bricks_record *r = &b->index[brick];
 	const size_t n = bb_bricks_brick_bytes(&b->h);
-	if (b->h.codec == BB_BRICK_PLAIN)
+	if (bb_bricks_as_is(&b->h, r->bytes))
 		return r->bytes == n ? read_record(b, brick, r, out, "brick", err) :
 				       bb_fail(err, BB_ERR_FORMAT, 1450, &where, "brick %llu: it is not as large as the others",
 					       (unsigned long long)brick);

@@ -44,8 +44,8 @@ struct bb_bricks_counts { /* since the reader was created */
 };
 
 enum bb_bricks_way {
-	BB_BRICKS_CACHED, /* through the page cache; the disk is told ahead of what is not in it */
-	BB_BRICKS_DIRECT  /* O_DIRECT: leaves no trace in it, and keeps the disk as busy as there are readers */
+	BB_BRICKS_CACHED, /* what the page cache has comes from it, the rest directly if the file system can */
+	BB_BRICKS_DIRECT  /* all of it from the disk, by O_DIRECT: many reads at once, no trace in the page cache */
 };
 
 struct bb_bricks_reader;

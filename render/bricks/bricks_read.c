@@ -1,8 +1,12 @@
 /*
- * render/bricks/bricks_read.c: a batch of bricks. Wants are put in the file's order, neighbours become one read, and
- * each read goes to a staging memory that stays in the second cache; from there a plain brick is copied to its place
- * past the caches while its CRC is made, and a packed one is unpacked. Reading straight into the slots was slower: the
- * kernel's copy has to fetch every line of the slot first.
+ * render/bricks/bricks_read.c: a batch of bricks. Wants are put in the file's order, neighbours become one read (a run),
+ * and each run goes to a staging memory that stays in the second cache; from there a brick that is stored as it is is
+ * copied to its place past the caches while its CRC is made, and a packed one is unpacked. Reading straight into the slots
+ * was slower: the kernel's copy has to fetch every line of the slot first.
+ *
+ * What the page cache has comes out of it. The rest comes straight from the disk, as many runs at once as staging has room
+ * for: one after another a disk does not reach its rate, and through the page cache the kernel takes longer to make room
+ * page by page than the disk to read (1.4 of 3.4 GB/s).
  */
 #define _GNU_SOURCE /* O_DIRECT */
 #include <errno.h>
@@ -18,55 +22,66 @@
 #include "render/bricks/values.h"
 
 #ifdef BB_FUZZ
-#define PIECE_CACHED_BYTES 1024u /* so that small bricks can be large ones */
-#define PIECE_DIRECT_BYTES 1024u
+#define PIECE_BYTES 1024u /* so that small bricks can be large ones */
 #else
-#define PIECE_CACHED_BYTES (256u << 10) /* of one read: the staging memory stays in the second cache */
-#define PIECE_DIRECT_BYTES (1u << 20)   /* a disk waits longer for each read than for its bytes */
+#define PIECE_BYTES (512u << 10) /* of one read: it stays in the second cache */
 #endif
 #define HUGE_BYTES (2u << 20)
 #define BOUNCE_BYTES (64u << 10) /* up to which unpacking in the caches and copying on is faster than unpacking in place */
-#define PAGE_BYTES 4096u             /* what direct reads are multiples of */
-#define GAP_CACHED_BYTES (8u << 10)  /* unwanted bytes that cost less than a system call */
-#define GAP_DIRECT_BYTES (32u << 10) /* and less than one more access to the disk */
-#define PROBE_EVERY 8 /* runs; of these the first is asked for only if it is in the cache already */
-#define AHEAD 16      /* runs the disk is told of in advance when it was not */
+#define PAGE_BYTES 4096u         /* what direct reads are multiples of */
+#define GAP_BYTES (8u << 10)     /* unwanted bytes that cost less than one more read */
+#define FLIGHTS 32               /* reads under way at once, if staging has room for so many */
+#define TRUSTED 8                /* runs found in the page cache, until it is not asked what it has */
+#define NOWHERE UINT32_MAX
 
 struct key { /* a want that can be read */
 	uint64_t offset;
 	uint32_t want;
 };
 
-struct run { /* keys first .. first + n - 1 in one read */
+struct run { /* keys first .. first + n - 1 in one read; or, of one brick larger than a piece, what begins at `part` */
 	uint64_t from;
-	uint32_t bytes, first, n;
+	uint32_t bytes, first, n, part;
+};
+
+struct flight { /* a run that is under way to staging's bytes at .. at + bytes */
+	uint32_t run, at, bytes;
+	bool over;
+	int64_t got; /* once it is over; below 0: an error */
 };
 
 struct bb_bricks_reader {
 	const struct bb_bricks *b;
 	struct bb_bricks_want *wants; /* of the batch in hand */
 	struct bb_error *err;
-	int fd;
-	bool direct, can_probe, cold;
-	uint32_t most; /* keys of a batch */
-	uint32_t n_runs, n_told;
-	uint32_t gap_bytes, piece_bytes;
+	int direct_fd;       /* -1: nothing is read directly */
+	bool probes, queues; /* asks the page cache first; has a queue */
+	bool refused;        /* the file system opens files for direct reads and then has none: through the page cache */
+	bool missed;         /* in this batch: the page cache lacked something */
+	uint32_t n_cached;   /* runs found there since it did */
+	uint32_t most;       /* keys of a batch */
+	uint32_t n_runs, runs_most;
+	uint32_t piece_bytes, ring_bytes;
 	struct key *keys, *spare; /* [most] */
-	struct run *runs;         /* [most] */
-	uint8_t *stage;           /* piece_bytes, and a page on either side */
+	struct run *runs;         /* [runs_most] */
+	uint8_t *stage;           /* ring_bytes, used from front to back and over again */
 	uint8_t *bounce;          /* behind it, of a brick: where small ones are unpacked; or NULL */
+	uint32_t crc;             /* of the parts so far */
 	struct bb_unpacker unpacker;
 	struct bb_bricks_counts counts;
 	uint64_t held_bytes;
+	unsigned long queue;
+	uint32_t oldest, n_flights, flights_most;
+	struct flight *flights; /* [flights_most], ring */
 };
 
 /* ---- a reader ---- */
 
 /* The most a run may have: a piece, but a packed brick must fit, and no more than the batch can ask for. */
-static size_t piece_of(const struct bb_bricks *b, uint32_t most, bool direct)
+static size_t piece_of(const struct bb_bricks *b, uint32_t most)
 {
 	const size_t n = bb_bricks_brick_bytes(&b->h), cap = bb_values_packed_cap(b->h.codec, n), all = cap * most;
-	const size_t usual = direct ? PIECE_DIRECT_BYTES : PIECE_CACHED_BYTES, piece = all < usual ? all : usual;
+	const size_t piece = all < PIECE_BYTES ? all : PIECE_BYTES;
 
 	return b->h.codec != BB_BRICK_PLAIN && cap > piece ? cap : piece;
 }
@@ -78,8 +93,7 @@ static size_t up(size_t n)
 
 /*
  * In one huge page: a disk reads twice as fast into it as into scattered small ones (its list of where the bytes go is
- * short), and all of it finds room in the second cache, which scattered pages share unevenly. Not where it would be more
- * than the bytes deserve.
+ * short), and scattered pages share the second cache unevenly. Not where it would be more than the bytes deserve.
  */
 static uint8_t *stage_of(size_t *n)
 {
@@ -95,21 +109,41 @@ static uint8_t *stage_of(size_t *n)
 
 static bool hold(struct bb_bricks_reader *r)
 {
-	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h), room = up(r->piece_bytes) + 2 * PAGE_BYTES;
+	const size_t n_brick = bb_bricks_brick_bytes(&r->b->h);
 	const bool bounces = r->b->h.codec != BB_BRICK_PLAIN && n_brick <= BOUNCE_BYTES &&
 			     bb_crc32c_has(BB_CRC32C_FOLDED);
-	size_t stage = room + (bounces ? n_brick : 0);
+	const size_t bounce = bounces ? up(n_brick) : 0;
+	size_t stage = up(r->piece_bytes) + 2 * PAGE_BYTES + bounce;
 
+	r->runs_most = r->most * (uint32_t)((n_brick + r->piece_bytes - 1) / r->piece_bytes);
 	r->keys = calloc(r->most, sizeof(*r->keys));
 	r->spare = calloc(r->most, sizeof(*r->spare));
-	r->runs = calloc(r->most, sizeof(*r->runs));
+	r->runs = calloc(r->runs_most, sizeof(*r->runs));
 	r->stage = stage_of(&stage);
 	if (!r->keys || !r->spare || !r->runs || !r->stage || !bb_unpacker_init(&r->unpacker, r->b->h.codec))
 		return false;
-	r->bounce = bounces ? r->stage + room : NULL;
-	r->held_bytes = sizeof(*r) + stage + r->most * (2 * sizeof(*r->keys) + sizeof(*r->runs)) +
-			bb_unpacker_bytes(&r->unpacker);
+	r->ring_bytes = (uint32_t)(stage - bounce);
+	r->flights_most = r->ring_bytes / PAGE_BYTES < FLIGHTS ? r->ring_bytes / PAGE_BYTES : FLIGHTS;
+	r->flights = calloc(r->flights_most, sizeof(*r->flights));
+	if (!r->flights)
+		return false;
+	r->bounce = bounces ? r->stage + r->ring_bytes : NULL;
+	r->held_bytes = sizeof(*r) + stage + r->most * 2 * sizeof(*r->keys) + r->runs_most * sizeof(*r->runs) +
+			r->flights_most * sizeof(*r->flights) + bb_unpacker_bytes(&r->unpacker);
 	return true;
+}
+
+/* The same file, whatever its name means by now. Through the page cache it must also be possible to ask what is there. */
+static bool open_direct(struct bb_bricks_reader *r)
+{
+	char self[32], byte;
+
+	if (r->probes && bb_bricks_file_peek(r->b->fd, &byte, 1, 0) < 0 && errno != EAGAIN)
+		return false;
+	snprintf(self, sizeof(self), "/proc/self/fd/%d", r->b->fd);
+	r->direct_fd = open(self, O_RDONLY | O_CLOEXEC | O_DIRECT);
+	r->queues = r->direct_fd >= 0 && bb_bricks_file_queue(FLIGHTS, &r->queue);
+	return r->direct_fd >= 0;
 }
 
 enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most, enum bb_bricks_way way,
@@ -122,18 +156,11 @@ enum bb_status bb_bricks_reader_create(const struct bb_bricks *b, uint32_t most,
 	if (!r)
 		return bb_fail(err, BB_ERR_NOMEM, 1702, &where, "a reader");
 	*r = (struct bb_bricks_reader){ .b = b,
-					.fd = b->fd,
-					.direct = way == BB_BRICKS_DIRECT,
-					.can_probe = way == BB_BRICKS_CACHED,
-					.most = most < 1 ? 1 : most > BB_BRICKS_BATCH_MOST ? BB_BRICKS_BATCH_MOST : most,
-					.gap_bytes = way == BB_BRICKS_DIRECT ? GAP_DIRECT_BYTES : GAP_CACHED_BYTES };
-	r->piece_bytes = (uint32_t)piece_of(b, r->most, r->direct);
-	if (r->direct) { /* the same file, whatever its name means by now */
-		char self[32];
-		snprintf(self, sizeof(self), "/proc/self/fd/%d", b->fd);
-		r->fd = open(self, O_RDONLY | O_CLOEXEC | O_DIRECT);
-	}
-	if (r->fd < 0) {
+					.direct_fd = -1,
+					.probes = way == BB_BRICKS_CACHED,
+					.most = most < 1 ? 1 : most > BB_BRICKS_BATCH_MOST ? BB_BRICKS_BATCH_MOST : most };
+	r->piece_bytes = (uint32_t)piece_of(b, r->most);
+	if (!open_direct(r) && way == BB_BRICKS_DIRECT) {
 		const enum bb_status status =
 			bb_fail(err, BB_ERR_UNSUPPORTED, 1453, &where, "%s", strerror(errno));
 		bb_bricks_reader_destroy(r);
@@ -151,13 +178,16 @@ void bb_bricks_reader_destroy(struct bb_bricks_reader *r)
 {
 	if (!r)
 		return;
-	if (r->direct && r->fd >= 0)
-		close(r->fd);
+	if (r->queues)
+		bb_bricks_file_unqueue(r->queue);
+	if (r->direct_fd >= 0)
+		close(r->direct_fd);
 	bb_unpacker_fini(&r->unpacker);
 	free(r->keys);
 	free(r->spare);
 	free(r->runs);
 	free(r->stage);
+	free(r->flights);
 	free(r);
 }
 
@@ -226,76 +256,47 @@ static uint32_t bytes_of(const struct bb_bricks_reader *r, const struct key *k)
 	return r->b->index[r->wants[k->want].brick].bytes;
 }
 
+/* A plain brick of more than a piece: as many runs as it takes, one behind the other. */
+static void make_parts(struct bb_bricks_reader *r, uint32_t first)
+{
+	const struct key *k = &r->keys[first];
+	const uint32_t n = bytes_of(r, k);
+
+	for (uint32_t at = 0; at < n; at += r->piece_bytes)
+		r->runs[r->n_runs++] = (struct run){ k->offset + at, n - at < r->piece_bytes ? n - at : r->piece_bytes,
+						     first, 1, at };
+}
+
+static bool is_part(const struct bb_bricks_reader *r, const struct run *u)
+{
+	return u->bytes < bytes_of(r, &r->keys[u->first]);
+}
+
 /* A record that begins before the last one's end (twice the same brick, or a liar's file) begins a run of its own. */
 static void make_runs(struct bb_bricks_reader *r, uint32_t n_keys)
 {
 	r->n_runs = 0;
 	for (uint32_t i = 0; i < n_keys; i++) {
 		const struct key *k = &r->keys[i];
-		struct run *last = r->n_runs ? &r->runs[r->n_runs - 1] : NULL;
-		const uint64_t end = last ? last->from + last->bytes : 0;
-		if (last && k->offset >= end && k->offset - end <= r->gap_bytes &&
-		    k->offset + bytes_of(r, k) - last->from <= r->piece_bytes) {
-			last->bytes = (uint32_t)(k->offset + bytes_of(r, k) - last->from);
+		const uint32_t n = bytes_of(r, k);
+		const bool first = !r->n_runs;
+		struct run *last = &r->runs[first ? 0 : r->n_runs - 1];
+		const uint64_t end = first ? 0 : last->from + last->bytes;
+		if (n > r->piece_bytes) {
+			make_parts(r, i);
+			continue;
+		}
+		if (!first && k->offset >= end && k->offset - end <= GAP_BYTES &&
+		    k->offset + n - last->from <= r->piece_bytes) {
+			last->bytes = (uint32_t)(k->offset + n - last->from);
 			last->n++;
 			continue;
 		}
-		r->runs[r->n_runs++] = (struct run){ k->offset, bytes_of(r, k), i, 1 };
+		r->runs[r->n_runs++] = (struct run){ k->offset, n, i, 1, 0 };
 	}
 }
 
-/* ---- reading ---- */
-
-/* Tells the disk of the runs to come. Nothing is owed if it does not listen. */
-static void tell_ahead(struct bb_bricks_reader *r, uint32_t now)
-{
-	if (r->n_told < now)
-		r->n_told = now;
-	for (; r->n_told < r->n_runs && r->n_told < now + AHEAD; r->n_told++) {
-		const struct run *u = &r->runs[r->n_told];
-		bb_bricks_file_expect(r->fd, u->bytes, u->from);
-	}
-}
-
-/* Is a run in the page cache? Reads what is; the disk hears of this one and the next ones if it is not. */
-static size_t probe(struct bb_bricks_reader *r, uint32_t now)
-{
-	const struct run *u = &r->runs[now];
-	const ssize_t got = bb_bricks_file_peek(r->fd, r->stage, u->bytes, u->from);
-
-	r->counts.reads++;
-	if (got < 0 && errno != EAGAIN)
-		r->can_probe = false; /* not on this file system; an error comes again in the read that counts */
-	else if (got < (ssize_t)u->bytes)
-		r->cold = true;
-	return got > 0 ? (size_t)got : 0;
-}
-
-/* n bytes from `from`, of which `done` are in the staging memory already; *out is where they stand. Returns how many
- * there are: fewer at the file's end, and after an error, which is then in *failure. */
-static size_t fetch(struct bb_bricks_reader *r, uint64_t from, size_t n, size_t done, const uint8_t **out, int *failure)
-{
-	const uint64_t begin = r->direct ? from / PAGE_BYTES * PAGE_BYTES : from;
-	const size_t before = (size_t)(from - begin), want = r->direct ? up(before + n) : n;
-
-	*out = r->stage + before;
-	*failure = 0;
-	while (done < want) {
-		const ssize_t got = bb_bricks_file_read(r->fd, r->stage + done, want - done, begin + done);
-		r->counts.reads++;
-		if (got < 0 && errno == EINTR)
-			continue;
-		if (got < 0)
-			*failure = errno;
-		if (got <= 0)
-			break;
-		done += (size_t)got;
-		if (r->direct && done % PAGE_BYTES) /* the file's last bytes */
-			break;
-	}
-	r->counts.read_bytes += done;
-	return done <= before ? 0 : done - before < n ? done - before : n;
-}
+/* ---- bytes that have come ---- */
 
 static void fail_short(struct bb_bricks_reader *r, struct bb_bricks_want *w, int failure)
 {
@@ -332,59 +333,212 @@ static bool unpack(struct bb_bricks_reader *r, const uint8_t *bytes, size_t n, u
 static void deliver(struct bb_bricks_reader *r, struct bb_bricks_want *w, const uint8_t *bytes)
 {
 	const size_t n = r->b->index[w->brick].bytes;
-	const bool plain = r->b->h.codec == BB_BRICK_PLAIN;
-	const uint32_t crc = plain ? bb_crc32c_copy(0, w->out, bytes, n) : bb_crc32c(0, bytes, n);
+	const bool as_is = bb_bricks_as_is(&r->b->h, n);
+	const uint32_t crc = as_is ? bb_crc32c_copy(0, w->out, bytes, n) : bb_crc32c(0, bytes, n);
 
 	if (!is_whole(r, w, crc))
 		fail(r, w, BB_ERR_FORMAT, 1441, "");
-	else if (!plain && !unpack(r, bytes, n, w->out))
+	else if (!as_is && !unpack(r, bytes, n, w->out))
 		fail(r, w, BB_ERR_FORMAT, 1450, "");
 	else
 		r->counts.bricks++;
 }
 
-/* A plain brick of more than a piece: as many as it takes. */
-static void read_large(struct bb_bricks_reader *r, struct bb_bricks_want *w)
+/* Parts come in their order. */
+static void deliver_part(struct bb_bricks_reader *r, const struct run *u, const uint8_t *bytes, size_t got, int failure)
 {
-	const struct bb_bricks_record *record = &r->b->index[w->brick];
-	const uint8_t *bytes;
-	uint32_t crc = 0;
-	int failure;
+	struct bb_bricks_want *w = &r->wants[r->keys[u->first].want];
 
-	for (size_t at = 0, part; at < record->bytes; at += part) {
-		part = record->bytes - at < r->piece_bytes ? record->bytes - at : r->piece_bytes;
-		if (fetch(r, record->offset + at, part, 0, &bytes, &failure) < part) {
-			fail_short(r, w, failure);
-			return;
-		}
-		crc = bb_crc32c_copy(crc, w->out + at, bytes, part);
+	if (w->status) /* an earlier part has failed */
+		return;
+	if (got < u->bytes) {
+		fail_short(r, w, failure);
+		return;
 	}
-	if (is_whole(r, w, crc))
+	r->crc = bb_crc32c_copy(u->part ? r->crc : 0, w->out + u->part, bytes, u->bytes);
+	if (u->part + u->bytes < r->b->index[w->brick].bytes)
+		return;
+	if (is_whole(r, w, r->crc))
 		r->counts.bricks++;
 	else
 		fail(r, w, BB_ERR_FORMAT, 1441, "");
 }
 
-static void read_run(struct bb_bricks_reader *r, const struct run *u, size_t done)
-{
-	const uint8_t *bytes;
-	int failure;
+/* ---- reading ---- */
 
-	if (u->bytes > r->piece_bytes) {
-		read_large(r, &r->wants[r->keys[u->first].want]);
+/* Bytes of staging a run takes: where they begin in their page does not change. */
+static uint32_t span_of(const struct run *u)
+{
+	return (uint32_t)up(u->from % PAGE_BYTES + u->bytes);
+}
+
+/* A run's bytes to staging at `at`, where `done` of them (direct: of its pages) are already. Returns how many there are:
+ * fewer at the file's end, and after an error, which is then in *failure. */
+static size_t fetch(struct bb_bricks_reader *r, const struct run *u, uint32_t at, size_t done, bool direct, int *failure)
+{
+	const size_t before = u->from % PAGE_BYTES, skip = direct ? before : 0, want = direct ? span_of(u) : u->bytes;
+	uint8_t *const to = r->stage + at + before - skip;
+
+	*failure = 0;
+	while (done < want && !(direct && done % PAGE_BYTES)) { /* a part of a page: the file's last bytes */
+		const ssize_t got = bb_bricks_file_read(direct ? r->direct_fd : r->b->fd, to + done, want - done,
+							u->from - skip + done);
+		r->counts.reads++;
+		if (got < 0 && errno == EINTR)
+			continue;
+		if (got < 0 && errno == EINVAL && direct && r->probes) {
+			r->refused = true;
+			return fetch(r, u, at, 0, false, failure);
+		}
+		if (got < 0)
+			*failure = errno;
+		if (got <= 0)
+			break;
+		r->counts.read_bytes += (size_t)got;
+		done += (size_t)got;
+	}
+	return done <= skip ? 0 : done - skip < u->bytes ? done - skip : u->bytes;
+}
+
+static void hand_over(struct bb_bricks_reader *r, const struct run *u, uint32_t at, size_t got, int failure);
+
+static bool is_direct(const struct bb_bricks_reader *r)
+{
+	return r->direct_fd >= 0 && !r->refused;
+}
+
+static void read_run(struct bb_bricks_reader *r, const struct run *u, uint32_t at)
+{
+	int failure;
+	const size_t got = fetch(r, u, at, 0, is_direct(r), &failure);
+
+	hand_over(r, u, at, got, failure);
+}
+
+static void hand_over(struct bb_bricks_reader *r, const struct run *u, uint32_t at, size_t got, int failure)
+{
+	const uint8_t *bytes = r->stage + at + u->from % PAGE_BYTES;
+
+	if (is_part(r, u)) {
+		deliver_part(r, u, bytes, got, failure);
 		return;
 	}
-	const size_t got = fetch(r, u->from, u->bytes, done, &bytes, &failure);
 	for (uint32_t i = u->first; i < u->first + u->n; i++) {
 		const struct key *k = &r->keys[i];
 		const uint64_t end = k->offset - u->from + bytes_of(r, k);
 		if (end <= got)
 			deliver(r, &r->wants[k->want], bytes + (k->offset - u->from));
 		else if (failure && u->n > 1) /* a bad sector is one brick's, not its neighbours' */
-			read_run(r, &(struct run){ k->offset, bytes_of(r, k), i, 1 }, 0);
+			read_run(r, &(struct run){ k->offset, bytes_of(r, k), i, 1, 0 }, at);
 		else
 			fail_short(r, &r->wants[k->want], failure);
 	}
+}
+
+/* ---- reads under way ---- */
+
+static struct flight *flight_of(struct bb_bricks_reader *r, uint32_t i)
+{
+	return &r->flights[(r->oldest + i) % r->flights_most];
+}
+
+/* Waits for the one that has been under way for longest: runs are handed over in their order. */
+static void finish_one(struct bb_bricks_reader *r)
+{
+	struct flight *f = flight_of(r, 0);
+
+	while (!f->over) {
+		int64_t got;
+		struct flight *over = &r->flights[bb_bricks_file_end(r->queue, &got)];
+		over->over = true;
+		over->got = got;
+	}
+	const struct run *u = &r->runs[f->run];
+	int failure;
+	if (f->got > 0)
+		r->counts.read_bytes += (uint64_t)f->got;
+	const size_t got = fetch(r, u, f->at, f->got > 0 ? (size_t)f->got : 0, true, &failure);
+	hand_over(r, u, f->at, got, failure);
+	r->oldest = (r->oldest + 1) % r->flights_most;
+	r->n_flights--;
+}
+
+static void finish_all(struct bb_bricks_reader *r)
+{
+	while (r->n_flights)
+		finish_one(r);
+}
+
+/* Where staging has room for n bytes beside what is under way. */
+static uint32_t room_for(struct bb_bricks_reader *r, uint32_t n)
+{
+	if (!r->n_flights)
+		return 0;
+	if (r->n_flights == r->flights_most)
+		return NOWHERE;
+	const struct flight *newest = flight_of(r, r->n_flights - 1);
+	const uint32_t begin = flight_of(r, 0)->at, end = newest->at + newest->bytes;
+	if (end <= begin)
+		return begin - end >= n ? end : NOWHERE;
+	return r->ring_bytes - end >= n ? end : n <= begin ? 0 : NOWHERE;
+}
+
+static bool begin_run(struct bb_bricks_reader *r, uint32_t run, uint32_t at)
+{
+	const struct run *u = &r->runs[run];
+	const uint32_t i = (r->oldest + r->n_flights) % r->flights_most, bytes = span_of(u);
+
+	if (!r->queues || r->refused || !bb_bricks_file_begin(r->queue, r->direct_fd, r->stage + at, bytes,
+						u->from / PAGE_BYTES * PAGE_BYTES, i))
+		return false;
+	r->flights[i] = (struct flight){ .run = run, .at = at, .bytes = bytes };
+	r->n_flights++;
+	r->counts.reads++;
+	return true;
+}
+
+/* Is it worth while to look into the page cache? Where it lacks something, looking makes the kernel fetch it, so it is
+ * asked first, but not when it has had everything lately. */
+static bool may_be_cached(struct bb_bricks_reader *r, const struct run *u)
+{
+	if (!r->probes || !is_direct(r))
+		return false;
+	if (r->n_cached >= TRUSTED)
+		return true;
+	const int cached = bb_bricks_file_cached(r->b->fd, u->bytes, u->from);
+	return cached < 0 ? !r->missed : cached > 0;
+}
+
+/* Of a run, what the page cache has. */
+static size_t probe(struct bb_bricks_reader *r, const struct run *u, uint32_t at)
+{
+	const ssize_t got =
+		bb_bricks_file_peek(r->b->fd, r->stage + at + u->from % PAGE_BYTES, u->bytes, u->from);
+
+	r->counts.reads++;
+	if (got > 0)
+		r->counts.read_bytes += (size_t)got;
+	return got > 0 ? (size_t)got : 0;
+}
+
+static void start(struct bb_bricks_reader *r, uint32_t run)
+{
+	const struct run *u = &r->runs[run];
+	uint32_t at;
+
+	while ((at = room_for(r, span_of(u))) == NOWHERE)
+		finish_one(r);
+	const size_t got = may_be_cached(r, u) ? probe(r, u, at) : 0;
+	r->n_cached = got == u->bytes ? r->n_cached + 1 : 0;
+	r->missed |= got < u->bytes;
+	if (got < u->bytes && begin_run(r, run, at))
+		return;
+	if (is_part(r, u)) /* behind those that are under way: they share a CRC */
+		finish_all(r);
+	if (got == u->bytes)
+		hand_over(r, u, at, got, 0);
+	else
+		read_run(r, u, at);
 }
 
 static void read_batch(struct bb_bricks_reader *r, size_t n)
@@ -393,16 +547,10 @@ static void read_batch(struct bb_bricks_reader *r, size_t n)
 
 	sort(r, n_keys);
 	make_runs(r, n_keys);
-	r->cold = false;
-	r->n_told = 0;
-	for (uint32_t i = 0; i < r->n_runs; i++) {
-		const bool asks = r->can_probe && !r->cold && i % PROBE_EVERY == 0 &&
-				  r->runs[i].bytes <= r->piece_bytes;
-		const size_t done = asks ? probe(r, i) : 0;
-		if (r->cold)
-			tell_ahead(r, i);
-		read_run(r, &r->runs[i], done);
-	}
+	r->missed = false;
+	for (uint32_t i = 0; i < r->n_runs; i++)
+		start(r, i);
+	finish_all(r);
 }
 
 enum bb_status bb_bricks_read_many(struct bb_bricks_reader *r, struct bb_bricks_want *wants, size_t n,

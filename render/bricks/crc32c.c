@@ -12,7 +12,7 @@
 #include <immintrin.h>
 #endif
 
-#define COPY_PAST_CACHES 4096 /* below that the caches are the better place for it */
+#define COPY_PAST_CACHES 2048 /* below that the caches are the better place for it */
 #define COPY_PIECE 16384      /* elsewhere: still in the first cache when it is copied */
 #define POLYNOMIAL 0x82F63B78u /* 0x1EDC6F41 from its other end */
 

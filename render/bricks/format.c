@@ -55,6 +55,11 @@ size_t bb_bricks_brick_bytes(const struct bb_bricks_header *h)
 	return side * side * side * bb_brick_type_bytes(h->type);
 }
 
+bool bb_bricks_as_is(const struct bb_bricks_header *h, size_t n)
+{
+	return h->codec == BB_BRICK_PLAIN || (h->version > 1 && n == bb_bricks_brick_bytes(h));
+}
+
 void bb_put_u32(uint8_t *to, uint32_t v)
 {
 	for (int i = 0; i < 4; i++)
@@ -215,9 +220,10 @@ enum bb_status bb_bricks_header_read(const uint8_t in[BB_BRICKS_HEADER_BYTES], u
 	memset(out, 0, sizeof(*out));
 	if (memcmp(in + AT_MAGIC, magic, sizeof(magic)))
 		return bb_fail(err, BB_ERR_FORMAT, 1440, where, "it does not begin with %s", magic);
-	if (bb_get_u32(in + AT_VERSION) != BB_BRICKS_VERSION)
-		return bb_fail(err, BB_ERR_FORMAT, 1440, where, "version %u, this program reads %d",
-			       bb_get_u32(in + AT_VERSION), BB_BRICKS_VERSION);
+	out->version = bb_get_u32(in + AT_VERSION);
+	if (out->version < 1 || out->version > BB_BRICKS_VERSION)
+		return bb_fail(err, BB_ERR_FORMAT, 1440, where, "version %u, this program reads 1 to %d", out->version,
+			       BB_BRICKS_VERSION);
 #ifndef BB_FUZZ
 	if (bb_get_u32(in + AT_CRC) != bb_crc32c(0, in, AT_CRC))
 		return bb_fail(err, BB_ERR_FORMAT, 1441, where, "the header");

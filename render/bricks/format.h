@@ -1,9 +1,11 @@
 /*
- * render/bricks/format.h: a brick file, NAME.bricks, version 1. Little-endian; every section has a CRC-32C (Castagnoli,
+ * render/bricks/format.h: a brick file, NAME.bricks, version 2. Little-endian; every section has a CRC-32C (Castagnoli,
  * as in iSCSI, RFC 3720 appendix B.4), so has every brick.
  *
  *   0            header, one page of 4096 bytes; its last 4 bytes are the CRC of the others
- *   ...          bricks, each (edge + 2 pad)^3 values, x fastest, as they are or packed; and histograms
+ *   ...          bricks, each (edge + 2 pad)^3 values, x fastest, as they are or packed (of a file with a codec those
+ *                that have as many bytes as their values are as they are; in version 1 they were packed, too); and
+ *                histograms
  *   index        a record of 16 bytes for each brick, in order of its number: offset u64, bytes u32, CRC u32
  *   moments      a record of 48 bytes for each brick: mean, deviation, least, most, temporal deviation, temporal
  *                coefficient of variation, mean absolute error against the leaves, all f32; then, as in the
@@ -25,7 +27,7 @@
 
 #include "render/bricks/tree.h"
 
-#define BB_BRICKS_VERSION 1
+#define BB_BRICKS_VERSION 2 /* 1 is read, too */
 #define BB_BRICKS_HEADER_BYTES 4096
 #define BB_BRICKS_INDEX_BYTES 16
 #define BB_BRICKS_MOMENTS_BYTES 48
@@ -49,6 +51,7 @@ struct bb_bricks_section {
 
 struct bb_bricks_header {
 	char name[64];
+	uint32_t version; /* as read; what is written is BB_BRICKS_VERSION */
 	struct bb_tree tree;
 	uint32_t pad;
 	enum bb_brick_type type;
@@ -71,6 +74,8 @@ static inline bool bb_bricks_wraps(const struct bb_bricks_header *h)
 
 /* Of one brick as it lies in memory: (edge + 2 pad)^3 values. */
 size_t bb_bricks_brick_bytes(const struct bb_bricks_header *h);
+/* Are a brick's n bytes in the file its values as they are? */
+bool bb_bricks_as_is(const struct bb_bricks_header *h, size_t n);
 
 void bb_bricks_header_write(const struct bb_bricks_header *h, uint8_t out[BB_BRICKS_HEADER_BYTES]);
 /*

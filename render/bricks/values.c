@@ -6,6 +6,7 @@
 #include <zstd.h>
 
 #define ZSTD_LEVEL 3
+#define WORTH_A 16 /* part of the bytes that packing must save */
 
 /* In double: a float has no place for the fractions of 65535 parts, and what is near a half would go the wrong way. */
 static double part_of(const struct bb_bricks_header *h, float v)
@@ -68,18 +69,22 @@ size_t bb_values_packed_cap(enum bb_brick_codec codec, size_t n)
 					: n;
 }
 
-size_t bb_values_pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out)
+static size_t pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out, size_t cap)
 {
-	const size_t cap = bb_values_packed_cap(codec, n);
-
 	if (codec == BB_BRICK_LZ4) {
 		const int packed = LZ4_compress_default((const char *)from, (char *)out, (int)n, (int)cap);
 		return packed > 0 ? (size_t)packed : 0;
 	}
-	if (codec == BB_BRICK_ZSTD) {
-		const size_t packed = ZSTD_compress(out, cap, from, n, ZSTD_LEVEL);
-		return ZSTD_isError(packed) ? 0 : packed;
-	}
+	const size_t packed = ZSTD_compress(out, cap, from, n, ZSTD_LEVEL);
+	return ZSTD_isError(packed) ? 0 : packed;
+}
+
+size_t bb_values_pack(enum bb_brick_codec codec, const uint8_t *from, size_t n, uint8_t *out)
+{
+	const size_t packed = codec == BB_BRICK_PLAIN ? n : pack(codec, from, n, out, bb_values_packed_cap(codec, n));
+
+	if (packed < n - n / WORTH_A)
+		return packed;
 	memcpy(out, from, n);
 	return n;
 }

@@ -144,7 +144,7 @@ void bb_ask(struct bb_stream *s, const struct bb_stream_frame *frame, struct bb_
 /* memory.c */
 BB_MUST_CHECK enum bb_status bb_stream_take(struct bb_stream *s, struct bb_error *err);
 void bb_stream_give(struct bb_stream *s);
-#define BB_READ_MOST 32
+#define BB_READ_MOST 64
 /* Reads up to BB_READ_MOST bricks into their slots' memory, by the stream's one reader: one thread at a time. err: the
  * first one's. */
 void bb_stream_read(struct bb_stream *s, struct bb_load *loads, size_t n, struct bb_error *err);

@@ -39,7 +39,8 @@ enum mood { /* bits */
 	SMALL = 8,     /* reads give less than was asked for */
 	COLD = 16,     /* nothing is in the page cache, */
 	HALF_COLD = 32, /* only the first half of what is asked for is, */
-	CANNOT = 64,   /* or it cannot be asked */
+	CANNOT = 64,   /* or it cannot be asked; */
+	FULL = 128,    /* no reads can be under way */
 };
 
 static struct {
@@ -82,10 +83,46 @@ ssize_t bb_bricks_file_peek(int fd, void *buf, size_t n, uint64_t at)
 	return bb_bricks_file_read(fd, buf, disk.mood & HALF_COLD ? n / 2 : n, at);
 }
 
-void bb_bricks_file_expect(int fd, size_t n, uint64_t at)
+int bb_bricks_file_cached(int fd, size_t n, uint64_t at)
 {
 	(void)fd;
 	fuzz_must(at >= BB_BRICKS_HEADER_BYTES && n <= FILE_MOST);
+	return disk.mood & CANNOT ? -1 : disk.mood & COLD ? 0 : 1; /* half of it is a lie: some of it has gone since */
+}
+
+/* Reads under way are over at once, and are heard of from the last to the first. */
+static struct {
+	uint64_t tag;
+	int64_t got;
+} over[64];
+static size_t n_over;
+
+bool bb_bricks_file_queue(unsigned depth, unsigned long *queue)
+{
+	*queue = 1;
+	return depth <= 64;
+}
+
+void bb_bricks_file_unqueue(unsigned long queue)
+{
+	fuzz_must(queue == 1 && !n_over);
+}
+
+bool bb_bricks_file_begin(unsigned long queue, int fd, void *buf, size_t n, uint64_t at, uint64_t tag)
+{
+	fuzz_must(queue == 1 && n_over < 64 && at % 4096 == 0 && n % 4096 == 0);
+	if (disk.mood & FULL)
+		return false;
+	over[n_over].tag = tag;
+	over[n_over++].got = bb_bricks_file_read(fd, buf, n, at);
+	return true;
+}
+
+uint64_t bb_bricks_file_end(unsigned long queue, int64_t *got)
+{
+	fuzz_must(queue == 1 && n_over > 0);
+	*got = over[--n_over].got;
+	return over[n_over].tag;
 }
 
 /* ---- bricks ---- */
@@ -105,6 +142,7 @@ static struct stand *stand_of(unsigned kind)
 	h->type = (enum bb_brick_type)type;
 	h->pad = pad;
 	h->most = 1;
+	h->version = BB_BRICKS_VERSION;
 	s->file.fd = open("/proc/self/exe", O_RDONLY | O_CLOEXEC); /* any file will do */
 	s->file.index = s->index;
 	s->file.moments = s->moments;
@@ -113,6 +151,7 @@ static struct stand *stand_of(unsigned kind)
 	for (int i = 0; i < WANTS; i++)
 		s->out[i] = malloc(s->n_brick); /* exactly: an overrun is seen */
 	s->alone = malloc(s->n_brick);
+	disk.mood = 0;
 	fuzz_must(bb_bricks_reader_create(&s->file, 4, BB_BRICKS_CACHED, &s->reader[0], NULL) == BB_OK);
 	if (bb_bricks_reader_create(&s->file, WANTS, BB_BRICKS_DIRECT, &s->reader[1], NULL) != BB_OK)
 		s->reader[1] = s->reader[0];
@@ -148,7 +187,7 @@ static void read_bricks(struct stand *s, const uint8_t *which, bool direct)
 		fuzz_must((wants[i].status == BB_OK) == (wants[i].number == 0));
 		fuzz_must(status != BB_OK || wants[i].status == BB_OK);
 		/* Alone zstd makes a context each time; and a direct read of good bytes takes bad ones with it. */
-		if (s->file.h.codec == BB_BRICK_ZSTD || (direct && disk.mood & BAD))
+		if (s->file.h.codec == BB_BRICK_ZSTD || disk.mood & BAD)
 			continue;
 		fuzz_must(bb_bricks_read(&s->file, wants[i].brick, s->alone, NULL) == wants[i].status);
 		fuzz_must(wants[i].status != BB_OK || !memcmp(s->alone, wants[i].out, s->n_brick));

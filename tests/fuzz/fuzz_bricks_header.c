@@ -1,8 +1,8 @@
 /*
  * tests/fuzz/fuzz_bricks_header.c: any bytes as a brick file's header, index and moments, opened. Of the header's page
  * the first 320 bytes are the input's, behind its page comes the rest of the input; one of less than eight bytes is a
- * file of less than a header. The file that is opened is one of holes: its bytes are in memory, and the functions of
- * render/bricks/bricks_file.c stand here for that. What opens keeps every promise that bricks are read by.
+ * file of less than a header. The file that is opened is one of holes: its bytes are in memory, and
+ * render/bricks/bricks_file.c's reading stands here for that. What opens keeps every promise that bricks are read by.
  */
 #define _GNU_SOURCE /* memfd_create */
 #include <math.h>
@@ -25,18 +25,6 @@ ssize_t bb_bricks_file_read(int fd, void *buf, size_t n, uint64_t at)
 	n = n < sizeof(file) - at ? n : sizeof(file) - at;
 	memcpy(buf, file + at, n);
 	return (ssize_t)n;
-}
-
-ssize_t bb_bricks_file_peek(int fd, void *buf, size_t n, uint64_t at)
-{
-	return bb_bricks_file_read(fd, buf, n, at);
-}
-
-void bb_bricks_file_expect(int fd, size_t n, uint64_t at)
-{
-	(void)fd;
-	(void)n;
-	(void)at;
 }
 
 static bool within(const struct bb_bricks_record *r, uint64_t n)
