@@ -68,13 +68,19 @@ ifeq ($(shell uname -m),x86_64)
 $B/render/cpu/layer_kernel_avx2.o: ALL_CFLAGS += -mavx2 -mfma
 $B/render/cpu/layer_kernel_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 $B/render/cpu/cast_avx2.o: ALL_CFLAGS += -mavx2 -mfma
+$B/render/bricks/errors_avx2.o: ALL_CFLAGS += -mavx2
+$B/render/bricks/errors_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl
 $B/sync/blobs/scan_avx2.o: ALL_CFLAGS += -mavx2
 $B/sync/blobs/scan_avx512.o: ALL_CFLAGS += -mavx512bw
 $B/render/cpu/cast_avx512.o: ALL_CFLAGS += -mavx512f -mavx512dq -mavx512vl -mfma
 endif
-# Their short loops must be unrolled, or vectors live in memory; those of the builder are worth a tenth of a build.
+# Their short loops must be unrolled, or vectors live in memory.
 $B/render/cpu/cast_avx2.o $B/render/cpu/cast_avx512.o $B/render/cpu/cast_portable.o \
-$B/render/bricks/build_emit.o $B/render/bricks/build_slab.o $B/sim/camera/picture.o: ALL_CFLAGS += -O3
+$B/render/bricks/errors_portable.o $B/render/bricks/errors_avx2.o $B/render/bricks/errors_avx512.o \
+$B/render/bricks/stats.o $B/render/bricks/build_slab.o $B/render/bricks/build_write.o $B/sim/camera/picture.o: ALL_CFLAGS += -O3
+
+# How vectors are passed to functions differs by these flags, says the compiler: none is, all such are inlined.
+$B/render/bricks/errors_%.o: ALL_CFLAGS += -Wno-psabi
 
 # What runs in the guest carries its libraries along: only those it uses.
 $B/tests/%: $B/tests/%.o $B/libblackburst.a

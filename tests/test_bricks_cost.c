@@ -124,10 +124,48 @@ static void memory_stays_under_any_cap(void **state)
 	}
 }
 
+/* A machine with many processors needs no more memory than one with two, nor makes another file. */
+static void threads_are_as_many_as_there_is_memory_for(void **state)
+{
+	struct brick_rig r;
+	struct cost c = { 0 };
+	uint64_t cap = 2u << 20, result;
+	(void)state;
+
+	rig_begin(&r, 100, 97, 70, 4, 32);
+	while (!build_cost(&r, cap, &c))
+		cap *= 2;
+	result = c.result;
+	r.config.threads = 64;
+	assert_true(build_cost(&r, cap, &c));
+	assert_true(c.result == result);
+	rig_end(&r);
+}
+
+/* The root's samples of so many steps are more than its bins hold, and more than a leaf's voxels. */
+static void thousands_of_steps_are_counted_with_fewer_samples(void **state)
+{
+	struct brick_rig r;
+	(void)state;
+
+	rig_begin(&r, 16, 16, 16, 2100, 4);
+	r.config.type = BB_BRICK_U8;
+	r.config.memory_bytes = 512u << 20;
+	struct bb_bricks *b = rig_build(&r);
+	const struct bb_bricks_moments *root = &bb_bricks_moments(b)[0];
+	const double range = bb_bricks_header(b)->most - bb_bricks_header(b)->least;
+	print_message("root of 2100 steps: leaf error %.4f of the range\n", (double)root->leaf_error / range);
+	assert_true((double)root->leaf_error > 0.01 * range && (double)root->leaf_error < range);
+	bb_bricks_close(b);
+	rig_end(&r);
+}
+
 int main(void)
 {
 	const struct CMUnitTest tests[] = {
 		cmocka_unit_test(memory_stays_under_any_cap),
+		cmocka_unit_test(threads_are_as_many_as_there_is_memory_for),
+		cmocka_unit_test(thousands_of_steps_are_counted_with_fewer_samples),
 	};
 
 	return cmocka_run_group_tests(tests, NULL, NULL);

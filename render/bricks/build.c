@@ -1,5 +1,5 @@
-#include "render/bricks/build_private.h"
 #include "hal/file.h"
+#include "render/bricks/build_private.h"
 #include "render/bricks/values.h"
 #include "render/parallel.h"
 
@@ -13,38 +13,56 @@
 
 #define SAMPLES_OF_A_BRICK_EDGE 4 /* cells along a brick, so that eight leaves have 512 */
 
-#define SLAB_VOXEL_BYTES (sizeof(float) + sizeof(uint16_t))
-
 /* ---- a level ---- */
 
-static uint64_t slab_floats(const struct bb_build *b, uint32_t tile, uint32_t *planes, uint32_t *rows)
+#define LINE_FLOATS 16 /* of a cache */
+
+/* n floats and some, so that what is as far apart begins in other sets of the caches: `lines` more than a multiple of
+ * their ways. Of a few kilobytes that would be as much again, and those do not meet. */
+static uint64_t apart(uint64_t n, uint64_t lines)
+{
+	const uint64_t all = (n + LINE_FLOATS - 1) / LINE_FLOATS, way = 64;
+
+	return all < 16 * way ? n : (all + (lines + way - all % way) % way) * LINE_FLOATS;
+}
+
+static struct bb_build_slab slab_of(const struct bb_build *b, uint32_t tile)
 {
 	const uint32_t *v = b->h.tree.voxels[b->level], around = 2 * b->h.pad;
 	const uint64_t deep = b->h.tree.edge + around, wide = (uint64_t)tile * b->h.tree.edge + around;
+	struct bb_build_slab s = { .n_across = bb_build_n_across(b) };
 
-	*planes = (uint32_t)(deep < v[2] ? deep : v[2]);
-	*rows = (uint32_t)(wide < v[1] ? wide : v[1]);
-	return (uint64_t)b->h.tree.n_times * (*planes + bb_build_n_across(b)) * *rows * v[0];
+	s.n_planes = (uint32_t)(deep < v[2] ? deep : v[2]);
+	s.n_rows = (uint32_t)(wide < v[1] ? wide : v[1]);
+	s.per_plane = apart((uint64_t)s.n_rows * v[0], 3);
+	s.per_time = apart((s.n_planes + s.n_across) * s.per_plane, 11);
+	return s;
 }
 
-static uint64_t coded_bytes(const struct bb_build *b, uint32_t tile)
-{
-	return (uint64_t)BB_BUILD_BATCH * tile * b->h.tree.grid[b->level][0] *
-	       (bb_build_brick_cap(b) + BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST);
-}
+/* What a unit of so many rows of bricks takes, its slab apart. */
+struct unit_sizes {
+	size_t half, histograms, out; /* floats, bytes; of a thread: bytes */
+};
 
-/* Of the next level, a plane of what a slab is halved into. */
-static size_t halved_floats(const struct bb_build *b, uint32_t tile)
+static struct unit_sizes sizes_of(const struct bb_build *b, uint32_t tile)
 {
-	return ((size_t)tile * b->h.tree.edge / 2 + 1) * ((b->h.tree.voxels[b->level][0] + 1) / 2);
+	const struct bb_tree *t = &b->h.tree;
+	const size_t across = t->grid[b->level][0];
+	const size_t cap = bb_build_brick_cap(b);
+
+	return (struct unit_sizes){
+		.half = (size_t)t->n_times * (t->edge / 2) * tile * (t->edge / 2) * bb_build_half_row(b),
+		.histograms = (size_t)t->n_times * tile * across * BB_BUILD_HISTOGRAMS_MOST,
+		.out = across * (cap > BB_BUILD_HISTOGRAMS_MOST ? cap : BB_BUILD_HISTOGRAMS_MOST),
+	};
 }
 
 static uint64_t unit_bytes(const struct bb_build *b, uint32_t tile)
 {
-	uint32_t planes, rows;
+	const struct unit_sizes n = sizes_of(b, tile);
 
-	return slab_floats(b, tile, &planes, &rows) * SLAB_VOXEL_BYTES + coded_bytes(b, tile) +
-	       b->config->threads * halved_floats(b, tile) * sizeof(float);
+	return ((uint64_t)b->h.tree.n_times * slab_of(b, tile).per_time + n.half) * sizeof(float) + n.histograms +
+	       (bb_build_is_stored_as_it_is(b) ? 0 : b->threads * n.out);
 }
 
 /* As many rows of bricks at a time as fit beside what is held. */
@@ -67,62 +85,67 @@ static void level_sizes(const struct bb_build *b, uint32_t level, uint32_t *here
 
 static void take_slab(struct bb_build *b)
 {
-	const size_t per_unit = (size_t)b->tile * b->h.tree.grid[b->level][0];
-	uint32_t planes, rows;
-	const uint64_t n = slab_floats(b, b->tile, &planes, &rows);
+	const struct unit_sizes n = sizes_of(b, b->tile);
 
-	b->slab = (struct bb_build_slab){ .n_planes = planes, .n_rows = rows, .n_across = bb_build_n_across(b) };
-	b->slab.values = bb_build_alloc(b, n, sizeof(float), "a slab of all time nodes");
-	b->slab.places = bb_build_alloc(b, n, sizeof(uint16_t), "a slab of all time nodes");
-	for (unsigned i = 0; i < b->config->threads; i++)
-		b->work[i].rows = bb_build_alloc(b, halved_floats(b, b->tile), sizeof(float), "rows of the next level");
-	for (int i = 0; i < BB_BUILD_BATCH; i++) {
-		b->output[i].bricks =
-			bb_build_alloc(b, per_unit, bb_build_brick_cap(b), "bricks on their way to the file");
-		b->output[i].histograms =
-			bb_build_alloc(b, per_unit, BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST, "histograms on their way");
-	}
+	b->slab = slab_of(b, b->tile);
+	b->slab.values =
+		bb_build_alloc(b, b->h.tree.n_times * b->slab.per_time, sizeof(float), "a slab of all time nodes");
+	b->half = bb_build_alloc(b, n.half, sizeof(float), "voxels of the next level");
+	b->histograms = bb_build_alloc(b, n.histograms, 1, "histograms on their way to the file");
+	for (unsigned i = 0; i < b->threads && !bb_build_is_stored_as_it_is(b); i++)
+		b->work[i].packed = bb_build_alloc(b, n.out, 1, "a row of bricks for each thread");
 }
 
 static void leave_slab(struct bb_build *b)
 {
-	const size_t per_unit = (size_t)b->tile * b->h.tree.grid[b->level][0];
-	uint32_t planes, rows;
-	const uint64_t n = slab_floats(b, b->tile, &planes, &rows);
+	const struct unit_sizes n = sizes_of(b, b->tile);
 
-	bb_build_release(b, b->slab.values, n, sizeof(float));
-	bb_build_release(b, b->slab.places, n, sizeof(uint16_t));
-	b->slab = (struct bb_build_slab){ 0 };
-	for (unsigned i = 0; i < b->config->threads; i++) {
-		bb_build_release(b, b->work[i].rows, halved_floats(b, b->tile), sizeof(float));
-		b->work[i].rows = NULL;
+	bb_build_release(b, b->slab.values, b->h.tree.n_times * b->slab.per_time, sizeof(float));
+	bb_build_release(b, b->half, n.half, sizeof(float));
+	bb_build_release(b, b->histograms, n.histograms, 1);
+	for (unsigned i = 0; i < b->threads; i++) {
+		bb_build_release(b, b->work[i].packed, n.out, 1);
+		b->work[i].packed = NULL;
 	}
-	for (int i = 0; i < BB_BUILD_BATCH; i++) {
-		bb_build_release(b, b->output[i].bricks, per_unit, bb_build_brick_cap(b));
-		bb_build_release(b, b->output[i].histograms, per_unit, BB_HIST_KINDS * BB_HISTOGRAM_CODED_MOST);
-		b->output[i] = (struct bb_build_output){ 0 };
+	b->slab = (struct bb_build_slab){ 0 };
+	b->half = NULL;
+	b->histograms = NULL;
+}
+
+struct merging {
+	const struct bb_build *b;
+	struct bb_build_node *up; /* [tau][n_above] */
+};
+
+/* The parents' moments and values from what this level's bricks have, of a time node. */
+static void merge_time(void *ctx, size_t tau, unsigned thread)
+{
+	const struct merging *m = ctx;
+	const struct bb_build *b = m->b;
+	const struct bb_tree *t = &b->h.tree;
+	uint32_t child[8];
+	(void)thread;
+
+	for (uint32_t i = 0; i < b->n_above; i++) {
+		struct bb_build_node *up = &m->up[tau * b->n_above + i];
+		const uint32_t n = bb_tree_children(t, t->first[b->level - 1] + i, child);
+		for (uint32_t c = 0; c < n; c++) {
+			const struct bb_build_node *from = &b->node[tau * b->n_here + (child[c] - t->first[b->level])];
+			bb_histogram_merge(up->values, up->moments.n, from->values, from->moments.n, up->values);
+			bb_moments_merge(&up->moments, &from->moments);
+		}
 	}
 }
 
-/* The parents' moments and values from what this level's bricks have. */
 static struct bb_build_node *merge_up(struct bb_build *b)
 {
-	const struct bb_tree *t = &b->h.tree;
-	struct bb_build_node *up =
-		bb_build_alloc(b, (size_t)t->n_times * b->n_above, sizeof(*up), "statistics of parents");
-	uint32_t child[8];
+	const uint32_t n_times = b->h.tree.n_times;
+	struct merging m = { b,
+			     bb_build_alloc(b, (size_t)n_times * b->n_above, sizeof(*m.up), "statistics of parents") };
 
-	for (size_t i = 0; up && i < (size_t)t->n_times * b->n_above; i++) {
-		const uint32_t node = t->first[b->level - 1] + (uint32_t)(i % b->n_above);
-		const uint32_t n = bb_tree_children(t, node, child);
-		for (uint32_t c = 0; c < n; c++) {
-			const struct bb_build_node *from =
-				&b->node[i / b->n_above * b->n_here + (child[c] - t->first[b->level])];
-			bb_histogram_merge(up[i].values, up[i].moments.n, from->values, from->moments.n, up[i].values);
-			bb_moments_merge(&up[i].moments, &from->moments);
-		}
-	}
-	return up;
+	if (m.up)
+		bb_parallel(b->threads, n_times, merge_time, &m);
+	return m.up;
 }
 
 static void next_level(struct bb_build *b)
@@ -146,13 +169,34 @@ static void next_level(struct bb_build *b)
 
 /* ---- the whole ---- */
 
+/* Counting and writing in turns, so that processors and disk have work at the same time. */
+static void piece_of_unit(void *ctx, size_t i, unsigned thread)
+{
+	struct bb_build *b = ctx;
+	const size_t rows = (size_t)b->h.tree.n_times * bb_build_unit_rows(b), tallies = bb_build_tally_pieces(b);
+	const size_t before = i * tallies / (rows + tallies); /* tallies among the pieces before this one */
+
+	if (b->status)
+		bb_build_output_fail(b); /* nobody waits for a row that does not come */
+	else if ((i + 1) * tallies / (rows + tallies) > before)
+		bb_build_tally(b, (uint32_t)before, thread);
+	else
+		bb_build_write_bricks(b, i - before, thread);
+}
+
 static void one_unit(struct bb_build *b)
 {
 	bb_build_fill(b);
+	if (b->status)
+		return;
+	bb_build_output_begin(b);
+	bb_parallel(b->threads, (size_t)b->h.tree.n_times * bb_build_unit_rows(b) + bb_build_tally_pieces(b),
+		    piece_of_unit, b);
 	if (!b->status)
-		bb_build_emit(b);
+		bb_build_write_histograms(b);
 	if (!b->status)
-		bb_build_halve(b);
+		bb_build_spill(b);
+	b->done += (uint64_t)bb_build_unit_bricks(b) * b->h.tree.n_times;
 }
 
 static bool go_on(struct bb_build *b)
@@ -197,18 +241,21 @@ static bool one_level(struct bb_build *b)
 static void write_section(struct bb_build *b, struct bb_bricks_section *s, size_t record_bytes,
 			  void (*put)(const struct bb_build *b, uint64_t i, uint8_t *to))
 {
-	enum { AT_A_TIME = 4096 };
-	uint8_t buf[AT_A_TIME * BB_BRICKS_MOMENTS_BYTES];
+	enum { AT_A_TIME = 64 }; /* less than a block, which any place of the ring is */
 	const uint64_t n = b->h.tree.n_bricks;
+	uint64_t at;
 
-	*s = (struct bb_bricks_section){ .offset = b->append, .bytes = n * record_bytes };
+	*s = (struct bb_bricks_section){ .offset = bb_build_output_end(b), .bytes = n * record_bytes };
+	bb_build_output_begin(b);
 	for (uint64_t i = 0; i < n && !b->status; i += AT_A_TIME) {
 		const uint64_t part = n - i < AT_A_TIME ? n - i : AT_A_TIME;
+		uint8_t *out = bb_build_output_take(b, i / AT_A_TIME, part * record_bytes, &at);
+		if (!out)
+			return;
 		for (uint64_t k = 0; k < part; k++)
-			put(b, i + k, buf + k * record_bytes);
-		s->crc = bb_crc32c(s->crc, buf, part * record_bytes);
-		bb_build_pwrite(b, b->fd, buf, part * record_bytes, b->append);
-		b->append += part * record_bytes;
+			put(b, i + k, out + k * record_bytes);
+		s->crc = bb_crc32c(s->crc, out, part * record_bytes);
+		bb_build_output_put(b, at, part * record_bytes);
 	}
 }
 
@@ -228,11 +275,13 @@ static void finish(struct bb_build *b)
 
 	write_section(b, &b->h.index, BB_BRICKS_INDEX_BYTES, put_index);
 	write_section(b, &b->h.moments, BB_BRICKS_MOMENTS_BYTES, put_moments);
+	bb_build_output_flush(b);
+	b->report->result_bytes = bb_build_output_end(b);
+	bb_build_output_close(b);
 	bb_bricks_header_write(&b->h, header);
 	bb_build_pwrite(b, b->fd, header, sizeof(header), 0);
 	if (!b->status && (fsync(b->fd) || rename(b->part, b->config->path)))
 		bb_build_fail(b, BB_ERR_IO, 1901, strerror(errno));
-	b->report->result_bytes = b->append;
 	b->report->n_bricks = b->h.tree.n_bricks;
 	b->report->n_nonfinite = b->h.n_nonfinite;
 }
@@ -247,10 +296,52 @@ static uint32_t cell_of(uint32_t edge)
 	return cell ? cell : 1;
 }
 
+/* No more threads than a quarter of the memory is enough for, or a machine with many needs more than one with few. */
+static unsigned threads_for(const struct bb_build *b, uint64_t bytes)
+{
+	const uint64_t many = b->config->memory_bytes / 4 / bytes;
+
+	return many < 1 ? 1 : many < b->config->threads ? (unsigned)many : b->config->threads;
+}
+
+/* What each thread works with. */
+static void take_work(struct bb_build *b)
+{
+	const struct bb_tree *t = &b->h.tree;
+	const size_t side = t->edge + 2 * b->h.pad, brick = side * side * side;
+	const size_t row = brick * t->grid[t->n_levels - 1][0]; /* of leaves: the longest */
+	const bool packs = !bb_build_is_stored_as_it_is(b);
+	uint32_t deepest = 0;
+
+	if (b->status || !b->depth || !b->span)
+		return;
+	for (uint32_t tau = 1; tau < t->n_times; tau++) {
+		b->depth[tau] = b->depth[b->span[tau].parent] + 1;
+		deepest = b->depth[tau] > deepest ? b->depth[tau] : deepest;
+	}
+	b->times = (struct bb_errors_tree){ .n_times = t->n_times,
+					    .n_steps = t->n_steps,
+					    .n_groups = deepest / 4 + 1,
+					    .span = b->span,
+					    .leaf = b->leaf,
+					    .depth = b->depth };
+	const size_t n = bb_errors_bytes(&b->times, (uint64_t)t->edge * t->edge * t->edge);
+	b->threads = threads_for(b, n + t->n_times * sizeof(*b->work->histograms) + row * sizeof(float) +
+					    (packs ? brick * sizeof(float) + sizes_of(b, 1).out : 0));
+	b->work = bb_build_alloc(b, b->threads, sizeof(*b->work), "threads");
+	for (unsigned i = 0; i < b->threads && b->work; i++) {
+		struct bb_build_work *w = &b->work[i];
+		w->errors_memory = bb_build_alloc(b, n, 1, "bins of all time nodes");
+		w->histograms = bb_build_alloc(b, t->n_times, sizeof(*w->histograms), "histograms of all time nodes");
+		w->voxels = bb_build_alloc(b, row, sizeof(float), "a row of bricks for each thread");
+		if (packs)
+			w->stored = bb_build_alloc(b, brick, sizeof(float), "a brick for each thread");
+	}
+}
+
 static void take_memory(struct bb_build *b)
 {
 	const struct bb_tree *t = &b->h.tree;
-	const size_t side = t->edge + 2 * b->h.pad, voxels = side * side * side;
 	size_t n_samples = t->n_steps;
 
 	b->cell = cell_of(t->edge);
@@ -267,26 +358,36 @@ static void take_memory(struct bb_build *b)
 	if (b->level)
 		b->space_above = bb_build_alloc(b, (size_t)t->n_times * b->n_above, sizeof(*b->space_above),
 						"errors of parents");
-	b->output = bb_build_alloc(b, BB_BUILD_BATCH, sizeof(*b->output), "a batch");
-	b->work = bb_build_alloc(b, b->config->threads, sizeof(*b->work), "threads");
-	for (unsigned i = 0; i < b->config->threads && b->work; i++) {
-		b->work[i].voxels = bb_build_alloc(b, voxels, sizeof(float), "a brick for each thread");
-		b->work[i].stored = bb_build_alloc(b, voxels, sizeof(float), "a brick for each thread");
-	}
+	b->depth = bb_build_alloc(b, t->n_times, sizeof(*b->depth), "time nodes");
 	for (uint32_t tau = 0; tau < t->n_times && b->span; tau++)
 		b->span[tau] = bb_tree_span(t, tau);
 	for (uint32_t step = 0; step < t->n_steps && b->leaf; step++)
 		b->leaf[step] = bb_tree_leaf_time(t, step);
+	take_work(b);
+	if (!b->status)
+		bb_build_output_open(b, sizes_of(b, 1).out); /* no row of bricks is longer than that of leaves */
+}
+
+/* The range of the data is known. */
+static void begin_errors(struct bb_build *b)
+{
+	const uint64_t voxels = (uint64_t)b->h.tree.edge * b->h.tree.edge * b->h.tree.edge;
+
+	for (unsigned i = 0; i < b->threads; i++)
+		bb_errors_init(&b->work[i].errors, &b->times, voxels, bb_bin_scale(b->h.least, b->h.most),
+			       b->h.most - b->h.least, bb_errors_best(), b->work[i].errors_memory);
 }
 
 static void leave_memory(struct bb_build *b)
 {
-	for (unsigned i = 0; i < b->config->threads && b->work; i++) {
+	for (unsigned i = 0; i < b->threads && b->work; i++) {
+		free(b->work[i].errors_memory);
+		free(b->work[i].histograms);
 		free(b->work[i].voxels);
 		free(b->work[i].stored);
 	}
 	free(b->work);
-	free(b->output);
+	free(b->depth);
 	free(b->space_above);
 	free(b->space);
 	free(b->node);
@@ -381,11 +482,15 @@ enum bb_status bb_bricks_build(const struct bb_build_config *config, struct bb_b
 	}
 	if (!b.status)
 		cut_files(&b);
-	b.scale = bb_bin_scale(b.h.least, b.h.most);
+	if (!b.status)
+		bb_build_output_start(&b, b.append);
+	if (!b.status)
+		begin_errors(&b);
 	while (!b.status && one_level(&b))
 		;
 	if (!b.status)
 		finish(&b);
+	bb_build_output_close(&b);
 	close_files(&b);
 	leave_memory(&b);
 	return b.status;

@@ -1,12 +1,15 @@
 /* render/bricks/build_means.c: what all parts of the builder use: counted reading, writing and memory, and the first
  * failure. */
+#define _GNU_SOURCE /* O_DIRECT */
 #include "render/bricks/build_private.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <unistd.h>
 
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER; /* of the first failure */
@@ -59,6 +62,13 @@ bool bb_build_pread(struct bb_build *b, int fd, void *buf, size_t n, uint64_t at
 	return true;
 }
 
+bool bb_build_past_cache(int fd, bool yes)
+{
+	const int flags = fcntl(fd, F_GETFL), wanted = yes ? flags | O_DIRECT : flags & ~O_DIRECT;
+
+	return flags >= 0 && flags != wanted && fcntl(fd, F_SETFL, wanted) == 0;
+}
+
 bool bb_build_pwrite(struct bb_build *b, int fd, const void *buf, size_t n, uint64_t at)
 {
 	count(&b->report->bytes_written, n);
@@ -66,6 +76,8 @@ bool bb_build_pwrite(struct bb_build *b, int fd, const void *buf, size_t n, uint
 	for (size_t done = 0; done < n;) {
 		const ssize_t put = pwrite(fd, (const char *)buf + done, n - done, (off_t)(at + done));
 		if (put < 0 && errno == EINTR)
+			continue;
+		if (put < 0 && errno == EINVAL && bb_build_past_cache(fd, false)) /* not this file system, or not so */
 			continue;
 		if (put <= 0) {
 			bb_build_fail(b, BB_ERR_IO, 1901, strerror(errno));
@@ -99,6 +111,9 @@ void *bb_build_alloc(struct bb_build *b, size_t n, size_t bytes, const char *wha
 		bb_build_fail(b, BB_ERR_NOMEM, 1702, what);
 		return NULL;
 	}
+	const size_t page = 2u << 20, begin = ((uintptr_t)p + page - 1) / page * page - (uintptr_t)p;
+	if (wanted > 2 * page) /* walks across planes miss the TLB with every row otherwise */
+		(void)madvise((char *)p + begin, (wanted - begin) / page * page, MADV_HUGEPAGE);
 	b->held_bytes += wanted;
 	if (b->held_bytes > b->report->peak_bytes)
 		b->report->peak_bytes = b->held_bytes;

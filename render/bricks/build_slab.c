@@ -1,6 +1,6 @@
 /*
- * render/bricks/build_slab.c: the voxels of a slab: read or taken from the scratch file, averaged over time, halved for
- * the next level, which is also where the errors of parents against their spatial children are met.
+ * render/bricks/build_slab.c: the voxels of a slab: read or taken from the scratch file, averaged over time; and
+ * what the next level gets of them.
  */
 #include "render/bricks/build_private.h"
 #include "render/parallel.h"
@@ -13,29 +13,47 @@ static pthread_mutex_t range_lock = PTHREAD_MUTEX_INITIALIZER;
 
 /* ---- the range of the data ---- */
 
+enum { LANES = 16 }; /* side by side, so that the compiler has vectors of them */
+
+struct ranges {
+	float least[LANES], most[LANES];
+	uint32_t bad[LANES];
+};
+
+static inline void widen(struct ranges *r, const float *v, size_t n)
+{
+	for (size_t i = 0; i < n; i++) {
+		const bool good = fabsf(v[i]) <= FLT_MAX; /* no NaN */
+		const float low = good ? v[i] : FLT_MAX, high = good ? v[i] : -FLT_MAX;
+		r->least[i] = low < r->least[i] ? low : r->least[i];
+		r->most[i] = high > r->most[i] ? high : r->most[i];
+		r->bad[i] += !good;
+	}
+}
+
 static void range_of_plane(void *ctx, size_t i, unsigned thread)
 {
 	struct bb_build *b = ctx;
 	const uint32_t *dim = b->h.tree.dim;
 	const size_t n = (size_t)dim[0] * dim[1];
 	float *plane = b->slab.values + thread * n;
-	float least = FLT_MAX, most = -FLT_MAX;
-	uint64_t bad = 0;
+	struct ranges r = { .bad = { 0 } };
 
 	if (b->status || !bb_build_data(b, (uint32_t)(i / dim[2]), (uint32_t)(i % dim[2]), 0, dim[1], plane))
 		return;
-	for (size_t k = 0; k < n; k++) {
-		if (!isfinite(plane[k])) {
-			bad++;
-			continue;
-		}
-		least = plane[k] < least ? plane[k] : least;
-		most = plane[k] > most ? plane[k] : most;
+	for (size_t k = 0; k < LANES; k++) {
+		r.least[k] = FLT_MAX;
+		r.most[k] = -FLT_MAX;
 	}
+	for (size_t k = 0; k + LANES <= n; k += LANES)
+		widen(&r, plane + k, LANES);
+	widen(&r, plane + n / LANES * LANES, n % LANES);
 	pthread_mutex_lock(&range_lock);
-	b->h.n_nonfinite += bad;
-	b->h.least = fmin(b->h.least, (double)least);
-	b->h.most = fmax(b->h.most, (double)most);
+	for (size_t k = 0; k < LANES; k++) {
+		b->h.n_nonfinite += r.bad[k];
+		b->h.least = fmin(b->h.least, (double)r.least[k]);
+		b->h.most = fmax(b->h.most, (double)r.most[k]);
+	}
 	pthread_mutex_unlock(&range_lock);
 }
 
@@ -46,10 +64,10 @@ void bb_build_range(struct bb_build *b)
 
 	b->h.least = DBL_MAX;
 	b->h.most = -DBL_MAX;
-	b->slab.values = bb_build_alloc(b, b->config->threads * n, sizeof(float), "a plane for each thread");
+	b->slab.values = bb_build_alloc(b, b->threads * n, sizeof(float), "a plane for each thread");
 	if (b->slab.values)
-		bb_parallel(b->config->threads, (size_t)t->n_steps * t->dim[2], range_of_plane, b);
-	bb_build_release(b, b->slab.values, b->config->threads * n, sizeof(float));
+		bb_parallel(b->threads, (size_t)t->n_steps * t->dim[2], range_of_plane, b);
+	bb_build_release(b, b->slab.values, b->threads * n, sizeof(float));
 	b->slab.values = NULL;
 	if (b->h.least > b->h.most) /* nothing but NaN */
 		b->h.least = b->h.most = 0;
@@ -75,25 +93,20 @@ static uint32_t plane_of(const struct bb_build *b, uint32_t z)
 
 static uint64_t mend(float *v, size_t n, float least)
 {
+	enum { AT_A_TIME = 4096 }; /* what 32 bits count */
 	uint64_t bad = 0;
 
-	for (size_t i = 0; i < n; i++)
-		if (!isfinite(v[i])) {
-			v[i] = least;
-			bad++;
+	for (size_t from = 0; from < n; from += AT_A_TIME) {
+		const size_t few = n - from < AT_A_TIME ? n - from : AT_A_TIME;
+		uint32_t here = 0;
+		for (size_t i = from; i < from + few; i++) {
+			const bool good = fabsf(v[i]) <= FLT_MAX;
+			v[i] = good ? v[i] : least;
+			here += !good;
 		}
+		bad += here;
+	}
 	return bad;
-}
-
-/* Where the voxels of new rows are among the bins: once, since each is compared many times. */
-static void place_rows(const struct bb_build *b, uint32_t tau, uint32_t z)
-{
-	const size_t n = (size_t)(b->slab.y_to - b->slab.y_from) * bb_build_row_floats(b);
-	const float *from = bb_build_row(b, tau, z, b->slab.y_from);
-	uint16_t *to = bb_build_places(b, tau, z, b->slab.y_from);
-
-	for (size_t k = 0; k < n; k++)
-		to[k] = bb_bin_place(&b->scale, from[k]);
 }
 
 static void read_step(void *ctx, size_t i, unsigned thread)
@@ -117,7 +130,6 @@ static void read_step(void *ctx, size_t i, unsigned thread)
 		const bool met = z >= BB_BUILD_ACROSS || (b->z && z < b->z * b->h.tree.edge + b->h.pad);
 		bad += met ? 0 : here_bad;
 		(void)mend(to + before + own, rows * nx - before - own, (float)b->h.least);
-		place_rows(b, tau, z);
 	}
 	if (b->config->has_range) /* else bb_build_range has counted them */
 		__atomic_fetch_add(&b->h.n_nonfinite, bad, __ATOMIC_RELAXED);
@@ -134,7 +146,7 @@ static void average_plane(void *ctx, size_t i, unsigned thread)
 
 	for (uint32_t tau = b->h.tree.n_times; tau-- > 0;) {
 		const struct bb_tree_span *s = &b->span[tau];
-		if (s->child[0] == BB_TREE_NONE)
+		if (bb_tree_is_step(s))
 			continue;
 		const float *first = bb_build_row(b, s->child[0], z, b->slab.y_from);
 		const float *second = bb_build_row(b, s->child[1], z, b->slab.y_from);
@@ -143,7 +155,6 @@ static void average_plane(void *ctx, size_t i, unsigned thread)
 		for (size_t k = 0; k < n; k++)
 			to[k] = (float)((double)first[k] + ((double)second[k] - (double)first[k]) *
 								   share); /* equal ones stay as they are */
-		place_rows(b, tau, z);
 	}
 }
 
@@ -160,7 +171,6 @@ static void read_spill(void *ctx, size_t i, unsigned thread)
 		if (!bb_build_pread(b, b->spill[b->level % 2], bb_build_row(b, (uint32_t)i, z, b->slab.y_from),
 				    (size_t)rows * v[0] * sizeof(float), at))
 			return;
-		place_rows(b, (uint32_t)i, z);
 	}
 }
 
@@ -170,11 +180,11 @@ static void fill_planes(struct bb_build *b, uint32_t z_from, uint32_t z_to)
 	struct filling f = { b, z_from, z_to };
 
 	if (!bb_build_at_leaves(b)) {
-		bb_parallel(b->config->threads, t->n_times, read_spill, &f);
+		bb_parallel(b->threads, t->n_times, read_spill, &f);
 		return;
 	}
-	bb_parallel(b->config->threads, t->n_steps, read_step, &f);
-	bb_parallel(b->config->threads, z_to - z_from, average_plane, &f);
+	bb_parallel(b->threads, t->n_steps, read_step, &f);
+	bb_parallel(b->threads, z_to - z_from, average_plane, &f);
 }
 
 /* The planes a unit needs and the ring does not have yet; a new column of units begins with an empty ring. */
@@ -202,66 +212,27 @@ void bb_build_fill(struct bb_build *b)
 	s->has_across = true;
 }
 
-/* ---- halving ---- */
+/* ---- the next level's voxels ---- */
 
-struct halving { /* up to four rows that become one */
-	const float *values[4];
-	const uint16_t *places[4];
-	size_t n;
-};
-
-/* The parents' bins meet each child. */
-static void halve_row(const struct bb_build *b, const struct halving *from, struct bb_bins *bins, float *to)
-{
-	const uint32_t nx = b->h.tree.voxels[b->level][0], edge = b->h.tree.edge;
-
-	for (uint32_t x = 0; x < nx; x += 2) {
-		const size_t n = x + 1 < nx ? 2 : 1;
-		double sum = 0; /* eight of the largest floats are no float */
-		for (size_t r = 0; r < from->n; r++)
-			for (size_t k = 0; k < n; k++)
-				sum += (double)from->values[r][x + k];
-		const float mean = (float)(sum / (double)(n * from->n));
-		const uint16_t place = bb_bin_place(&b->scale, mean);
-		for (size_t r = 0; r < from->n; r++)
-			for (size_t k = 0; k < n; k++)
-				bb_bins_span(&bins[x / 2 / edge], place, from->places[r][x + k]);
-		to[x / 2] = mean;
-	}
-}
-
-static void halve_time(void *ctx, size_t i, unsigned thread)
+static void spill_time(void *ctx, size_t i, unsigned thread)
 {
 	struct bb_build *b = ctx;
-	const struct bb_tree *t = &b->h.tree;
-	const uint32_t *v = t->voxels[b->level], *w = t->voxels[b->level - 1], *grid = t->grid[b->level - 1];
-	const uint32_t z0 = b->z * t->edge, y0 = b->y * t->edge;
-	const uint32_t z1 = z0 + t->edge < v[2] ? z0 + t->edge : v[2];
-	const uint32_t y1 = y0 + b->tile * t->edge < v[1] ? y0 + b->tile * t->edge : v[1];
-	const uint32_t tau = (uint32_t)i;
-	float *rows = b->work[thread].rows;
+	const uint32_t *v = b->h.tree.voxels[b->level], *w = b->h.tree.voxels[b->level - 1], edge = b->h.tree.edge;
+	const uint32_t z0 = b->z * edge, z1 = z0 + edge < v[2] ? z0 + edge : v[2];
+	const uint32_t y0 = b->y * edge, y1 = y0 + b->tile * edge < v[1] ? y0 + b->tile * edge : v[1];
+	const size_t n = (size_t)(y1 - y0 + 1) / 2 * w[0] * sizeof(float);
+	const float *from = b->half + i * (edge / 2) * bb_build_half_plane(b);
+	(void)thread;
 
-	for (uint32_t z = z0; z < z1; z += 2) {
-		for (uint32_t y = y0; y < y1; y += 2) {
-			struct halving from = { .n = 0 };
-			for (uint32_t dz = 0; dz < 2 && z + dz < z1; dz++)
-				for (uint32_t dy = 0; dy < 2 && y + dy < y1; dy++, from.n++) {
-					from.values[from.n] = bb_build_row(b, tau, z + dz, y + dy);
-					from.places[from.n] = bb_build_places(b, tau, z + dz, y + dy);
-				}
-			struct bb_bins *bins = b->space_above + (size_t)tau * b->n_above +
-					       ((size_t)(z / 2 / t->edge) * grid[1] + y / 2 / t->edge) * grid[0];
-			halve_row(b, &from, bins, rows + (size_t)((y - y0) / 2) * w[0]);
-		}
-		const uint64_t at = (((uint64_t)tau * w[2] + z / 2) * w[1] + y0 / 2) * w[0] * sizeof(float);
-		if (!bb_build_pwrite(b, b->spill[(b->level - 1) % 2], rows,
-				     (size_t)(y1 - y0 + 1) / 2 * w[0] * sizeof(float), at))
+	for (uint32_t z = z0; z < z1; z += 2, from += bb_build_half_plane(b)) {
+		const uint64_t at = (((uint64_t)i * w[2] + z / 2) * w[1] + y0 / 2) * w[0] * sizeof(float);
+		if (!bb_build_pwrite(b, b->spill[(b->level - 1) % 2], from, n, at))
 			break;
 	}
 }
 
-void bb_build_halve(struct bb_build *b)
+void bb_build_spill(struct bb_build *b)
 {
 	if (b->level)
-		bb_parallel(b->config->threads, b->h.tree.n_times, halve_time, b);
+		bb_parallel(b->threads, b->h.tree.n_times, spill_time, b);
 }

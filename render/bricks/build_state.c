@@ -11,7 +11,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define STATE_MAGIC UINT64_C(0x3345544154534242) /* "BBSTATE3" */
+#define STATE_MAGIC UINT64_C(0x3445544154534242) /* "BBSTATE4" */
 
 struct state_head { /* of this machine and this build only: never carried elsewhere */
 	uint64_t magic, fingerprint;
@@ -39,7 +39,7 @@ static uint64_t fingerprint(const struct bb_build *b)
 				   c->has_range,
 				   c->memory_bytes,
 				   sizeof(struct bb_build_node),
-				   sizeof(struct bb_bins) };
+				   sizeof(struct bb_build_space) };
 
 	return (uint64_t)bb_crc32c(0, parts, sizeof(parts)) << 32 |
 	       bb_crc32c(bb_crc32c(bb_crc32c(1, parts, sizeof(parts)), c->extent, sizeof(c->extent)), numbers,
@@ -73,9 +73,20 @@ static bool put(FILE *f, uint32_t *crc, const void *bytes, size_t n)
 
 void bb_build_keep(struct bb_build *b)
 {
-	const struct state_head head = { STATE_MAGIC,      fingerprint(b), b->append, b->done,
-					 b->h.n_nonfinite, b->h.least,     b->h.most, b->level,
-					 b->tile,          b->y,           b->z };
+	bb_build_output_flush(b);
+	if (b->status) /* a state of what is not in the file would be believed */
+		return;
+	const struct state_head head = { STATE_MAGIC,
+					 fingerprint(b),
+					 bb_build_output_end(b),
+					 b->done,
+					 b->h.n_nonfinite,
+					 b->h.least,
+					 b->h.most,
+					 b->level,
+					 b->tile,
+					 b->y,
+					 b->z };
 	char path[BB_PATH_MAX_BYTES + 16];
 	struct piece piece[6];
 	const size_t n = pieces(b, piece);

@@ -111,7 +111,7 @@ static void sum_space(struct work *w, uint32_t node, size_t n)
 	for (uint32_t tau = w->t->n_times; tau-- > 0;) {
 		struct sums *s = &w->all[(uint64_t)tau * w->t->n_nodes + node];
 		const struct bb_tree_span *span = &w->span[tau];
-		if (span->child[0] != BB_TREE_NONE) {
+		if (!bb_tree_is_step(span)) {
 			*s = w->all[(uint64_t)span->child[0] * w->t->n_nodes + node];
 			add(s, &w->all[(uint64_t)span->child[1] * w->t->n_nodes + node]);
 			continue;
@@ -145,7 +145,7 @@ static void sum_time(struct work *w, uint32_t node, size_t n)
 		for (uint32_t tau = w->t->n_times; tau-- > 0;) {
 			const struct bb_tree_span *span = &w->span[tau];
 			struct sums *s = &w->voxel[tau];
-			if (span->child[0] == BB_TREE_NONE) {
+			if (bb_tree_is_step(span)) {
 				s->n = 1;
 				memcpy(s->of, w->entry[w->entries[span->from * cube + i]], sizeof(s->of));
 				continue;

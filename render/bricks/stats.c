@@ -3,25 +3,31 @@
 #include <math.h>
 #include <string.h>
 
-void bb_moments_of(const float *v, size_t n, struct bb_moments *out)
+void bb_moment_lanes_begin(struct bb_moment_lanes *m, float first)
 {
-	double sum = 0, m2 = 0, rest = 0;
-	float least = n ? v[0] : 0, most = least;
+	*m = (struct bb_moment_lanes){ .first = first };
+	for (size_t i = 0; i < BB_MOMENT_LANES; i++)
+		m->least[i] = m->most[i] = first;
+}
 
-	for (size_t i = 0; i < n; i++) {
-		sum += (double)v[i];
-		least = v[i] < least ? v[i] : least;
-		most = v[i] > most ? v[i] : most;
+double bb_lanes_sum(const double lane[BB_MOMENT_LANES])
+{
+	return ((lane[0] + lane[1]) + (lane[2] + lane[3])) + ((lane[4] + lane[5]) + (lane[6] + lane[7]));
+}
+
+void bb_moment_lanes_close(const struct bb_moment_lanes *m, struct bb_moments *out)
+{
+	const double sum = bb_lanes_sum(m->sum);
+
+	*out = (struct bb_moments){ .n = m->n, .least = m->first, .most = m->first };
+	if (m->n <= 0)
+		return;
+	out->mean = (double)m->first + sum / m->n;
+	out->m2 = fmax(0, bb_lanes_sum(m->square) - sum * sum / m->n);
+	for (size_t i = 0; i < BB_MOMENT_LANES; i++) {
+		out->least = m->least[i] < out->least ? m->least[i] : out->least;
+		out->most = m->most[i] > out->most ? m->most[i] : out->most;
 	}
-	const double mean = n ? sum / (double)n : 0;
-	for (size_t i = 0; i < n; i++) {
-		const double d = (double)v[i] - mean;
-		m2 += d * d;
-		rest += d; /* what rounding left of the mean (corrected two-pass, Chan et al. 1983, eq. 1.7) */
-	}
-	*out = (struct bb_moments){ .n = (double)n, .mean = mean, .least = least, .most = most };
-	if (n)
-		out->m2 = fmax(0, m2 - rest * rest / (double)n);
 }
 
 void bb_moments_merge(struct bb_moments *out, const struct bb_moments *b)
@@ -65,18 +71,9 @@ struct bb_bin_scale bb_bin_scale(double least, double most)
 
 static uint16_t part_of(double sum, double n)
 {
-	return n > 0 ? (uint16_t)(fmin(fmax(sum / n, 0), 1) * 65535 + 0.5) : 0;
-}
+	const double part = sum / n; /* no call: loops of it are vectors */
 
-void bb_bins_spill(struct bb_bins *b, size_t n, struct bb_bin_sums *sums)
-{
-	for (size_t k = 0; k < n; k++)
-		for (size_t i = 0; i <= BB_STATS_BINS; i++) {
-			const uint64_t high = b[k].high[i], low = b[k].low[i];
-			sums->at[i].part += (int64_t)(high & UINT32_MAX) - (int64_t)(low & UINT32_MAX);
-			sums->at[i].below += (int64_t)(high >> 32) - (int64_t)(low >> 32);
-		}
-	memset(b, 0, n * sizeof(*b));
+	return (uint16_t)(int)((part > 0 ? (part < 1 ? part : 1) : 0) * 65535 + 0.5); /* none of nothing is no number: 0 */
 }
 
 void bb_bins_close(const struct bb_bin_sums *b, double n, uint16_t out[BB_STATS_BINS])

@@ -20,8 +20,35 @@ struct bb_moments {
 				    * Ellsworth, Chiang and Shen 2000); 0 in a single step */
 };
 
-/* Of n values; finite ones. */
-void bb_moments_of(const float *v, size_t n, struct bb_moments *out);
+/*
+ * Moments being gathered, eight voxels at a time, from one of them on: since that is one of the voxels, its distance
+ * from the mean is in m2, and taking it out of a sum of squares costs no more than log2(n) bits of 53.
+ */
+#define BB_MOMENT_LANES 8
+struct bb_moment_lanes {
+	double n, sum[BB_MOMENT_LANES], square[BB_MOMENT_LANES];
+	float first, least[BB_MOMENT_LANES], most[BB_MOMENT_LANES];
+};
+
+/* n <= 8 of v, which has eight; finite ones. */
+static inline void bb_moment_lanes_add(struct bb_moment_lanes *restrict m, const float *restrict v, uint32_t n)
+{
+	const float first = m->first;
+
+	for (uint32_t i = 0; i < BB_MOMENT_LANES; i++) {
+		const float one = i < n ? v[i] : first;
+		const double d = (double)one - (double)first;
+		m->sum[i] += d;
+		m->square[i] += d * d;
+		m->least[i] = one < m->least[i] ? one : m->least[i];
+		m->most[i] = one > m->most[i] ? one : m->most[i];
+	}
+	m->n += n;
+}
+double bb_lanes_sum(const double lane[BB_MOMENT_LANES]); /* in an order of its own */
+void bb_moment_lanes_begin(struct bb_moment_lanes *m, float first);
+void bb_moment_lanes_close(const struct bb_moment_lanes *m, struct bb_moments *out);
+
 /* out takes in b. */
 void bb_moments_merge(struct bb_moments *out, const struct bb_moments *b);
 double bb_moments_deviation(const struct bb_moments *m);
@@ -52,53 +79,15 @@ static inline uint16_t bb_bin_place(const struct bb_bin_scale *s, float v)
 	return (uint16_t)(int)at;
 }
 
-/*
- * Bins being filled: places where stretches end and where they begin, each a number of places and, below it in the same
- * word, the sum of their parts of a bin, so that a stretch costs two additions. Words of its own for each end, since
- * both often fall into one bin and an addition that waits for the one before takes five times as long.
+/* Of any number of stretches: the parts of each bin, in 256ths, and the stretches that begin less those that end there.
  */
-#define BB_BINS_MOST (UINT32_MAX / 255) /* stretches */
-struct bb_bins {
-	uint64_t high[BB_STATS_BINS + 1], low[BB_STATS_BINS + 1];
-};
-
-/* The bins between two places, in O(1) and without a branch: up to the higher one less up to the lower one. */
-static inline void bb_bins_span(struct bb_bins *b, uint16_t from, uint16_t to)
-{
-	const unsigned low = from < to ? from : to, high = from < to ? to : from;
-
-	b->high[high / 256] += (UINT64_C(1) << 32) + high % 256;
-	b->low[low / 256] += (UINT64_C(1) << 32) + low % 256;
-}
-
-/* n pairs of places, every second one to bins of its own for the same reason. */
-static inline void bb_bins_spans(struct bb_bins b[2], const uint16_t *from, const uint16_t *to, size_t n)
-{
-	size_t i = 0;
-
-	for (; i + 1 < n; i += 2) {
-		bb_bins_span(&b[0], from[i], to[i]);
-		bb_bins_span(&b[1], from[i + 1], to[i + 1]);
-	}
-	if (i < n)
-		bb_bins_span(&b[0], from[i], to[i]);
-}
-
-/* Of any number of stretches: the parts of each bin, and the stretches that begin less those that end there. */
 struct bb_bin_sums {
 	struct {
 		int64_t part, below;
 	} at[BB_STATS_BINS + 1];
 };
-/* Adds n bins, which are empty then. */
-void bb_bins_spill(struct bb_bins *b, size_t n, struct bb_bin_sums *sums);
 
-static inline void bb_bins_count(uint32_t counts[BB_STATS_BINS], uint16_t place)
-{
-	const unsigned i = place / 256u;
-
-	counts[i < BB_STATS_BINS ? i : BB_STATS_BINS - 1]++;
-}
+/* Of bins that voxels were counted in. */
 void bb_counts_close(const uint32_t counts[BB_STATS_BINS], double n, uint16_t out[BB_STATS_BINS]);
 
 /* As parts of n voxels, 65535 each being all of them. */

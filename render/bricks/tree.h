@@ -39,6 +39,11 @@ struct bb_tree_span { /* a time node */
 	uint32_t child[2], parent; /* BB_TREE_NONE at a leaf, at the root */
 };
 
+static inline bool bb_tree_is_step(const struct bb_tree_span *s)
+{
+	return s->child[0] == BB_TREE_NONE;
+}
+
 /* False: an edge, a dimension or their product is out of range. edge is even, 4..64. */
 bool bb_tree_init(struct bb_tree *t, const uint32_t dim[3], uint32_t n_steps, uint32_t edge);
 struct bb_tree_place bb_tree_place(const struct bb_tree *t, uint32_t node);
