@@ -1,10 +1,10 @@
 #!/bin/sh
-# Run test programs and scripts, one after another; print what fails, every skip with its reason, and at the end a
-# plain line "N passed, M failed, K skipped" that counts single tests (cmocka's) and scripts.
+# Run test programs and scripts, one after another; print every skip with its reason, at the end what those that failed
+# said, and a plain line "N passed, M failed, K skipped" that counts single tests (cmocka's) and scripts.
 # usage: tests/run.sh PROGRAM...
 passed=0 failed=0 skipped=0
-log=$(mktemp)
-trap 'rm -f "$log"' EXIT
+log=$(mktemp) bad_logs=$(mktemp)
+trap 'rm -f "$log" "$bad_logs"' EXIT
 for program in "$@"; do
 	start=$(date +%s)
 	"$program" >"$log" 2>&1 </dev/null
@@ -27,7 +27,8 @@ for program in "$@"; do
 	passed=$((passed + ok)) failed=$((failed + bad)) skipped=$((skipped + skip))
 	printf '%-42s %4d ok %3d failed %3d skipped  %3d s\n' "$(basename "$program")" "$ok" "$bad" "$skip" "$took"
 	grep -E '^(fault|fidelity) ' "$log" # the tables a person wants to see
-	[ "$bad" = 0 ] || tail -n 60 "$log"
+	[ "$bad" = 0 ] || { echo "-- $(basename "$program") failed"; tail -n 60 "$log"; } >>"$bad_logs"
 done
+cat "$bad_logs"
 echo "$passed passed, $failed failed, $skipped skipped"
 [ "$failed" = 0 ]

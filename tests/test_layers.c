@@ -197,6 +197,26 @@ static struct count check_samples(const struct scene *s, int view_index, bool st
 	return n;
 }
 
+/* Vectors are whole, numbers are as many as there are: what lies after them is anything, and changes nothing. */
+static void what_lies_after_the_numbers_is_nobodys(void **ctx)
+{
+	static const float base[3] = { 1, 2, 3 }, stride[3] = { 0.5F, 0.25F, -1 };
+	static const int32_t after[] = { INT32_MIN, INT32_MAX, 0 };
+	float out[BB_ARRAY_LEN(after)][3][BB_LAYER_ROOM];
+	int32_t number[BB_LAYER_ROOM];
+	(void)ctx;
+	need_kernel();
+
+	for (size_t way = 0; way < BB_ARRAY_LEN(after); way++) {
+		for (int32_t i = 0; i < BB_LAYER_ROOM; i++)
+			number[i] = i < 5 ? 10 + 3 * i : after[way];
+		kernel_named(fixture.kernel)->line(base, stride, number, 5, out[way]);
+		for (int a = 0; a < 3; a++)
+			for (int i = 0; i < 5; i++)
+				assert_float_equal(out[way][a][i], base[a] + (float)(3 * i) * stride[a], 0);
+	}
+}
+
 static void every_sample_has_its_points_value(void **ctx)
 {
 	static const uint32_t dim[3] = { 70, 37, 51 };
@@ -448,6 +468,7 @@ int main(void)
 		cmocka_unit_test(meshes_between_them_do),
 		cmocka_unit_test(a_spherical_volume_does),
 		cmocka_unit_test(a_ball_of_noise_has_no_end_of_phi),
+		cmocka_unit_test(what_lies_after_the_numbers_is_nobodys),
 		cmocka_unit_test(every_sample_has_its_points_value),
 		cmocka_unit_test(every_spherical_sample_has),
 		cmocka_unit_test(threads_and_trees_change_nothing),
