@@ -160,7 +160,7 @@ check-hw: $B/tests/hw_room
 	@BB_HW_ROOM=$< tests/check-hw.sh $(ROOM) $(SWITCH:%=--switch %) $(if $(STANDIN),--standin)
 
 # What runs threads: casters, the brick reader, the brick builder. (make SAN=thread check-threads)
-THREADED := $B/tests/test_reference $B/tests/test_stream $B/tests/test_bricks $B/tests/test_bricks_read $B/tests/test_cpu
+THREADED := $(patsubst %,$B/tests/test_%,reference stream bricks bricks_read bricks_output cpu)
 check-threads: $(THREADED)
 	@tests/run.sh $(THREADED)
 
