@@ -3,12 +3,13 @@
  * time and past the page cache. Index and moments are what opening a file lets through; the file is in memory: the
  * functions of render/bricks/bricks_file.c stand here for that.
  *
- * First byte: codec, type, padding, and whether the reads are direct. Second: what the disk does. Then for each of three
+ * First byte: codec, type, padding, whether the reads are direct, and whether direct ones are refused. Second: what the disk does. Then for each of three
  * bricks: where it lies, its bytes, where its histograms lie, their bytes; two bytes each. Then a byte each for six
  * wants. What follows is the file behind its header.
  */
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 
 #include "render/bricks/bricks_private.h"
@@ -48,11 +49,17 @@ static struct {
 	uint64_t n; /* the header included */
 	unsigned mood;
 	bool broke;
+	int plain_fd;
+	unsigned direct_left; /* direct reads before they are refused */
 } disk;
 
 ssize_t bb_bricks_file_read(int fd, void *buf, size_t n, uint64_t at)
 {
-	(void)fd;
+	if (fd != disk.plain_fd && !disk.direct_left) {
+		errno = EINVAL;
+		return -1;
+	}
+	disk.direct_left -= fd != disk.plain_fd;
 	if (disk.mood & BREAKS && !disk.broke) {
 		disk.broke = true;
 		errno = EINTR;
@@ -152,6 +159,7 @@ static struct stand *stand_of(unsigned kind)
 		s->out[i] = malloc(s->n_brick); /* exactly: an overrun is seen */
 	s->alone = malloc(s->n_brick);
 	disk.mood = 0;
+	disk.plain_fd = s->file.fd;
 	fuzz_must(bb_bricks_reader_create(&s->file, 4, BB_BRICKS_CACHED, &s->reader[0], NULL) == BB_OK);
 	if (bb_bricks_reader_create(&s->file, WANTS, BB_BRICKS_DIRECT, &s->reader[1], NULL) != BB_OK)
 		s->reader[1] = s->reader[0];
@@ -175,14 +183,14 @@ static struct bb_bricks_record record_in(struct fuzz_input *in, uint64_t file_by
 	return (struct bb_bricks_record){ BB_BRICKS_HEADER_BYTES + at, (uint32_t)n, 0 };
 }
 
-static void read_bricks(struct stand *s, const uint8_t *which, bool direct)
+static void read_bricks(struct stand *s, const uint8_t *which, struct bb_bricks_reader *reader)
 {
 	struct bb_bricks_want wants[WANTS];
 
 	disk.broke = false;
 	for (int i = 0; i < WANTS; i++)
 		wants[i] = (struct bb_bricks_want){ .brick = which[i] % (BRICKS + 1u), .out = s->out[i] };
-	const enum bb_status status = bb_bricks_read_many(s->reader[direct], wants, WANTS, NULL);
+	const enum bb_status status = bb_bricks_read_many(reader, wants, WANTS, NULL);
 	for (int i = 0; i < WANTS; i++) {
 		fuzz_must((wants[i].status == BB_OK) == (wants[i].number == 0));
 		fuzz_must(status != BB_OK || wants[i].status == BB_OK);
@@ -192,6 +200,20 @@ static void read_bricks(struct stand *s, const uint8_t *which, bool direct)
 		fuzz_must(bb_bricks_read(&s->file, wants[i].brick, s->alone, NULL) == wants[i].status);
 		fuzz_must(wants[i].status != BB_OK || !memcmp(s->alone, wants[i].out, s->n_brick));
 	}
+}
+
+/* A reader remembers it for good, so each such input has its own. */
+static void read_refused(struct stand *s, const uint8_t *which, unsigned direct_left)
+{
+	const unsigned mood = disk.mood;
+	struct bb_bricks_reader *reader;
+
+	disk.mood = 0;
+	fuzz_must(bb_bricks_reader_create(&s->file, WANTS, BB_BRICKS_CACHED, &reader, NULL) == BB_OK);
+	disk.mood = mood;
+	disk.direct_left = direct_left;
+	read_bricks(s, which, reader);
+	bb_bricks_reader_destroy(reader);
 }
 
 static void read_histograms(struct stand *s)
@@ -222,7 +244,7 @@ static void decode(struct stand *s, const uint8_t *body, size_t n)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
 	struct fuzz_input in = { data, size };
-	const uint8_t kind = fuzz_byte(&in), mood = fuzz_byte(&in);
+	const uint8_t kind = fuzz_byte(&in), mood = fuzz_byte(&in), refusing = kind / 72; /* 1: at once; 2: after a while */
 	struct stand *s = stand_of(kind % 36);
 	const size_t head = 8 * BRICKS + WANTS, n_body = in.left > head ? in.left - head : 0;
 	const uint64_t file_bytes = BB_BRICKS_HEADER_BYTES + n_body;
@@ -240,7 +262,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 	disk.body = in.at;
 	disk.n = file_bytes - (mood & CUT ? n_body / 3 : 0);
 	disk.mood = mood;
-	read_bricks(s, which, kind / 36 % 2);
+	disk.plain_fd = s->file.fd;
+	disk.direct_left = UINT_MAX;
+	if (refusing == 1 || refusing == 2)
+		read_refused(s, which, refusing - 1);
+	else
+		read_bricks(s, which, s->reader[kind / 36 % 2]);
+	disk.direct_left = UINT_MAX;
 	read_histograms(s);
 	decode(s, in.at, n_body);
 	return 0;
