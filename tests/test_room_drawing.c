@@ -127,7 +127,7 @@ static void files_are_written_whole(void **state)
 	unlink(file);
 	snprintf(file, sizeof(file), "%s/no/a.svg", folder);
 	assert_int_equal(bb_room_drawing_write(room, file, &err), BB_ERR_IO);
-	assert_int_equal(err.number, 1851);
+	assert_int_equal(err.number, 1901);
 	err.number = 0;
 	assert_int_equal(bb_room_drawing_write(room, "a.jpg", &err), BB_ERR_USAGE);
 	assert_int_equal(err.number, 1850);

@@ -8,7 +8,7 @@
 #include "bench/phase/edges.h"
 #include "bench/phase/tell.h"
 
-/* To .svg or .png by the file's name; measured NULL: the plan alone. 1850, 1851. */
+/* To .svg or .png by the file's name; measured NULL: the plan alone. 1001, 1850, 1901. */
 BB_MUST_CHECK enum bb_status bb_phase_draw(const struct bb_room *room, const struct bb_plan *plan,
                                            const struct bb_phase_edges *measured, const char *file,
                                            struct bb_error *err);

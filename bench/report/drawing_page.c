@@ -130,7 +130,7 @@ enum bb_status bb_page_check(const char *file, struct bb_error *err)
 	if (!ends_in(file, ".svg") && !ends_in(file, ".png"))
 		return bb_fail(err, BB_ERR_USAGE, 1850, &where, "drawings are .svg or .png");
 	if (strlen(file) >= BB_PATH_MAX_BYTES)
-		return bb_fail(err, BB_ERR_USAGE, 1851, &where, "the path has more than %d bytes", BB_PATH_MAX_BYTES - 1);
+		return bb_fail(err, BB_ERR_USAGE, 1001, NULL, "the path has more than %d bytes", BB_PATH_MAX_BYTES - 1);
 	return BB_OK;
 }
 
@@ -148,7 +148,7 @@ enum bb_status bb_page_write(const struct bb_page *page, const char *file, struc
 	if ((svg ? write_svg(page, temporary) : write_png(page, temporary)) && !rename(temporary, file))
 		return BB_OK;
 	const char *why = errno ? strerror(errno) : "the drawing failed";
-	bb_fail(err, BB_ERR_IO, 1851, &where, "%s", why);
+	bb_fail(err, BB_ERR_IO, 1901, &where, "%s", why);
 	unlink(temporary);
 	return BB_ERR_IO;
 }

@@ -18,9 +18,9 @@ struct bb_page {
 
 /* As an <svg> element, malloc'ed; NULL: out of memory. The same for the same strokes, always. */
 char *bb_page_svg(const struct bb_page *page);
-/* Can a file have this name? Before hours are spent on what is to be drawn. 1850: not .svg or .png; 1851: too long. */
+/* Can a file have this name? Before hours are spent on what is to be drawn. 1850: not .svg or .png; 1001: too long. */
 BB_MUST_CHECK enum bb_status bb_page_check(const char *file, struct bb_error *err);
-/* By the file's extension; written to a temporary name and renamed. 1850, 1851. */
+/* By the file's extension; written to a temporary name and renamed. 1001, 1850, 1901. */
 BB_MUST_CHECK enum bb_status bb_page_write(const struct bb_page *page, const char *file, struct bb_error *err);
 
 #endif

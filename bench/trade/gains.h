@@ -57,7 +57,7 @@ BB_MUST_CHECK enum bb_status bb_gains_measure(struct bb_trade *trade, uint32_t b
 					      struct bb_error *err);
 json_t *bb_gains_json(const struct bb_gains *g);
 void bb_gains_print(const struct bb_gains *g, FILE *out); /* Markdown */
-/* title: of the page. 1850, 1851. */
+/* title: of the page. 1001, 1850, 1901. */
 BB_MUST_CHECK enum bb_status bb_gains_plot(const struct bb_gains *g, const char *title, const char *path,
 					   struct bb_error *err);
 

@@ -40,7 +40,7 @@ void bb_trade_print(const struct bb_trade_told *t, FILE *out);
 json_t *bb_trade_json(const struct bb_trade_told *t);
 /* 1901. */
 BB_MUST_CHECK enum bb_status bb_trade_csv(const struct bb_trade_told *t, const char *path, struct bb_error *err);
-/* 1850, 1851. */
+/* 1001, 1850, 1901. */
 BB_MUST_CHECK enum bb_status bb_trade_plot(const struct bb_trade_told *t, const char *path, struct bb_error *err);
 
 #endif
