@@ -83,7 +83,7 @@ static enum bb_status measure(struct bb_pictures *p, const struct bb_draw *draw,
 	const struct bb_stream_frame frame = { .views = draw->view, .n_views = 1, .width_px = image->width,
 		                               .height_px = image->height, .step = draw->layers[0].atlas->time,
 		                               .step_voxels = draw->step_voxels, .bricks_most = UINT32_MAX };
-	(void)bb_stream_settle(p->config.full, &frame);
+	bb_stream_settle(p->config.full, &frame);
 	const struct bb_layer layer = bb_stream_layer(p->config.full);
 	full.layers = &layer;
 	status = bb_renderer_draw(p->config.renderer, &full, &reference, NULL);

@@ -39,7 +39,7 @@ enum bb_status real_easel_create(struct real_easel **out, struct bb_error *err)
 		return status;
 	const struct bb_stream_frame frame = { .views = &e->view, .n_views = 1, .width_px = 64, .height_px = 64,
 		                               .bricks_most = UINT32_MAX, .step_voxels = 0.5 };
-	(void)bb_stream_settle(e->stream, &frame);
+	bb_stream_settle(e->stream, &frame);
 	return BB_OK;
 }
 

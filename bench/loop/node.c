@@ -201,7 +201,7 @@ void bb_node_fill(struct bb_node_machine *n)
 	const struct bb_stream_frame frame = { .views = n->views, .n_views = n->n_views, .width_px = (uint32_t)d->width_px,
 		                               .height_px = (uint32_t)d->height_px, .bricks_most = UINT32_MAX,
 		                               .step_voxels = n->loop->scene->data.step_voxels };
-	(void)bb_stream_settle(n->stream, &frame);
+	bb_stream_settle(n->stream, &frame);
 }
 
 /* The first draw compiles shaders and fills textures: that belongs to bring-up, not to the scene. */

@@ -182,7 +182,7 @@ static enum bb_status stream_on(struct play *y, struct bb_stream *stream, struct
 		bb_trade_frame_at(y->t, i, y->s->step_voxels, &f);
 		if (c->settled) {
 			bb_trade_rest(&f);
-			(void)bb_stream_settle(stream, &f.frame);
+			bb_stream_settle(stream, &f.frame);
 		}
 		const struct spent from = begin();
 		const struct bb_stream_counts n = bb_stream_frame(stream, &f.frame);
@@ -223,7 +223,7 @@ static enum bb_status play_stream(struct play *y, enum bb_gain_method gain, stru
 	}
 	bb_trade_frame_at(y->t, 0, y->s->step_voxels, &f);
 	bb_trade_rest(&f); /* as after bring-up */
-	(void)bb_stream_settle(stream, &f.frame);
+	bb_stream_settle(stream, &f.frame);
 	if (c->disk_read_ns > 0 || c->disk_byte_ns > 0)
 		status = bb_stream_disk_start(stream, c->disk_read_ns, c->disk_byte_ns, &disk);
 	if (status)

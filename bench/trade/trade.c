@@ -188,7 +188,7 @@ static enum bb_status draw_reference(struct bb_trade *t, unsigned k, struct bb_e
 		return bb_fail(err, status, 1702, NULL, "a picture of %u x %u", c->width_px, c->height_px);
 	bb_trade_frame_at(t, t->drawn[k], c->reference_step, &f);
 	bb_trade_rest(&f);
-	(void)bb_stream_settle(t->full, &f.frame);
+	bb_stream_settle(t->full, &f.frame);
 	t->full_step = f.frame.step;
 	const struct bb_layer layer = bb_stream_layer(t->full);
 	const struct bb_draw draw = { .view = &f.view, .layers = &layer, .n_layers = 1,

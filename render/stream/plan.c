@@ -159,8 +159,8 @@ static uint32_t first_of(uint8_t steps)
 	return (uint32_t)__builtin_ctz(steps);
 }
 
-/* Can so many bricks more for these steps be here in time, beside those that others need by then? */
-static bool affordable(const struct bb_plan *p, uint8_t steps, uint32_t n)
+/* Plans to read so many bricks more for these steps, if they can be here in time beside those that others need by then. */
+static bool will_read(struct bb_plan *p, uint8_t steps, uint32_t n)
 {
 	double sum = n;
 
@@ -169,6 +169,7 @@ static bool affordable(const struct bb_plan *p, uint8_t steps, uint32_t n)
 		if (i >= first_of(steps) && sum > p->stream_most[i])
 			return false;
 	}
+	p->stream[first_of(steps)] += n;
 	return true;
 }
 
@@ -190,9 +191,8 @@ static bool split_space(struct bb_stream *s, const struct bb_target *t)
 
 	for (uint32_t i = 0; i < n; i++)
 		n_missing += missing(s, child[i], t->tau);
-	if (in_use(p) + n > p->target_most || !affordable(p, t->steps, n_missing))
+	if (in_use(p) + n > p->target_most || !will_read(p, t->steps, n_missing))
 		return false;
-	p->stream[first_of(t->steps)] += n_missing;
 	for (uint32_t i = 0; i < n; i++)
 		push(s, (struct bb_target){ .node = child[i], .tau = t->tau, .rank = t->points, .steps = t->steps });
 	return true;
@@ -204,21 +204,24 @@ static bool split_time(struct bb_stream *s, const struct bb_target *t)
 	const struct bb_tree_span span = bb_tree_span(s->tree, t->tau);
 	const uint32_t middle = bb_tree_span(s->tree, span.child[1]).from;
 	uint8_t half[2] = { 0, 0 };
+	uint32_t n_missing[2];
 
 	for (uint32_t i = 0; i < p->n_steps; i++)
 		if (t->steps >> i & 1)
 			half[p->step[i] >= middle] |= (uint8_t)(1U << i);
-	for (int k = 0; k < 2; k++)
-		if (half[k] && !affordable(p, half[k], missing(s, t->node, span.child[k])))
-			return false;
 	if (in_use(p) + (half[0] != 0) + (half[1] != 0) > p->target_most)
 		return false;
 	for (int k = 0; k < 2; k++) {
-		if (!half[k])
+		n_missing[k] = half[k] ? missing(s, t->node, span.child[k]) : 0;
+		if (!half[k] || will_read(p, half[k], n_missing[k]))
 			continue;
-		p->stream[first_of(half[k])] += missing(s, t->node, span.child[k]);
-		push(s, (struct bb_target){ .node = t->node, .tau = span.child[k], .rank = t->points, .steps = half[k] });
+		if (k && half[0])
+			p->stream[first_of(half[0])] -= n_missing[0];
+		return false;
 	}
+	for (int k = 0; k < 2; k++)
+		if (half[k])
+			push(s, (struct bb_target){ .node = t->node, .tau = span.child[k], .rank = t->points, .steps = half[k] });
 	return true;
 }
 

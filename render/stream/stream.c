@@ -91,14 +91,12 @@ struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_str
 	return counts;
 }
 
-unsigned bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *f)
+void bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *f)
 {
 	const uint32_t most = SETTLE_FRAMES + (s->config.bricks_per_frame ? 2 * s->slots.n / s->config.bricks_per_frame : 0);
-	unsigned n = 0;
 
-	while (n++ < most && (bb_stream_frame(s, f).loaded || s->slots.n_pending))
+	for (uint32_t n = 0; n < most && (bb_stream_frame(s, f).loaded || s->slots.n_pending); n++)
 		;
-	return n;
 }
 
 /* ---- creation ---- */

@@ -71,9 +71,9 @@ BB_MUST_CHECK enum bb_status bb_stream_create(const struct bb_stream_config *con
 void bb_stream_destroy(struct bb_stream *s);
 /* Select, evict and ask for one frame. */
 struct bb_stream_counts bb_stream_frame(struct bb_stream *s, const struct bb_stream_frame *frame);
-/* Frames until nothing more comes (with occlusion, until enough: it may go to and fro); returns how many. Not with a
- * reader thread of its own. */
-unsigned bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *frame);
+/* Frames until nothing more comes (with occlusion, until enough: it may go to and fro). Not with a reader thread of its
+ * own. */
+void bb_stream_settle(struct bb_stream *s, const struct bb_stream_frame *frame);
 /* Another transfer function (borrowed): what is in memory stays. 1441: its ratings are of neither. */
 BB_MUST_CHECK enum bb_status bb_stream_set_transfer(struct bb_stream *s, const struct bb_transfer *tf,
 						    struct bb_error *err);
