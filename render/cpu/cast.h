@@ -48,6 +48,7 @@ struct bb_cast_table {
 	 * the lowest 16 bits. The one behind the last is nothing. */
 	uint64_t *entry;
 	size_t n, n_levels;
+	float shown[2]; /* entries shown[0] .. shown[1] - 1 hold all that can be seen, on any level */
 	/* [up]: colour (not premultiplied) and opacity as BB_CAST_PIECES straight pieces, where that is as good: at x
 	 * pieces it is from + by * x. */
 	struct bb_cast_pieces {

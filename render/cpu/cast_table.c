@@ -61,6 +61,20 @@ static void fill(uint64_t *entry, size_t n, const struct bb_transfer *tf, double
 	entry[n] = 0;
 }
 
+static void find_shown(struct bb_cast_table *t)
+{
+	size_t first = t->n, end = 0;
+
+	for (size_t up = 0; up < t->n_levels; up++)
+		for (size_t i = 0; i < t->n; i++)
+			if (t->entry[up * (t->n + 1) + i] >> 48) { /* opacity; without it there is no colour either */
+				first = i < first ? i : first;
+				end = i + 1 > end ? i + 1 : end;
+			}
+	t->shown[0] = (float)first;
+	t->shown[1] = (float)end;
+}
+
 /* ---- straight pieces ---- */
 
 static void at_step(const struct bb_transfer *tf, double v, double step_voxels, double out[4])
@@ -134,6 +148,7 @@ bool bb_cast_table_update(struct bb_cast_table *t, const struct bb_transfer *tf,
 	t->pieces = pieces;
 	t->n = n;
 	t->n_levels = n_levels;
+	find_shown(t);
 	t->transfer = *tf;
 	t->step_voxels = step_voxels;
 	return true;
