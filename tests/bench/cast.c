@@ -340,9 +340,10 @@ int main(int argc, char **argv)
 	if (bb_image_create(SCENE_IMAGE, SCENE_IMAGE, &bench.image) != BB_OK)
 		return 1;
 	make_orders();
-	if (!bench.only || strstr(bench.only, "vtk"))
+	const bool with_vtk = !bench.only || strstr(bench.only, "vtk");
+	if (with_vtk)
 		vtk_start();
-	if (!bench.vtk[0])
+	if (with_vtk && !bench.vtk[0])
 		fprintf(stderr, "SKIP: VTK's rows: xvfb-run or /usr/bin/python3 with vtk and numpy is missing "
 				"(apt-get install python3-vtk9 python3-numpy xvfb xauth)\n");
 	for (struct row *r = rows; r < rows + N_ROWS; r++)
