@@ -11,7 +11,7 @@
 
 #include "render/bricks/bricks_private.h"
 
-#define SYS_CACHESTAT 451L /* on every processor */
+#define SYS_CACHESTAT 451L /* on every processor that Debian 12 is for */
 #define PAGE_BYTES 4096u
 
 ssize_t bb_bricks_file_read(int fd, void *buf, size_t n, uint64_t at)
